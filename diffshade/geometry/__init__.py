@@ -1,0 +1,1 @@
+"""Surfaces, cameras, and the G-buffer that one makes of the other."""

@@ -1,0 +1,172 @@
+"""Cameras: which ray each pixel looks along.
+
+World axes: x right, y up, z towards an orthographic camera that looks along -z. Image row 0 is the
+top; the centre of the pixel in row i, column j is (j + 0.5, i + 0.5) in pixels from the top left.
+"""
+
+import math
+from abc import abstractmethod
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from diffshade.arrays import ArrayLike, optional, vector
+from diffshade.errors import BadInput
+from diffshade.geometry.fields import count, number
+from diffshade.geometry.viewer import AbstractViewer, DistantViewer, Eye
+from diffshade.vector import Vec3, cross, unit
+
+__all__ = ["AbstractCamera", "OrthographicCamera", "PerspectiveCamera", "Rays"]
+
+
+class Rays(NamedTuple):
+    """Points origin + t direction, with unit directions; constant components may be numbers."""
+
+    origin: Vec3
+    direction: Vec3
+
+
+class AbstractCamera(eqx.Module):
+    """An image of `height` rows and `width` columns, and a ray through each pixel's centre."""
+
+    width: eqx.AbstractVar[int]
+    height: eqx.AbstractVar[int]
+    position: eqx.AbstractVar[Float[Array, "3"] | None]
+    target: eqx.AbstractVar[Float[Array, "3"]]
+    up: eqx.AbstractVar[Float[Array, "3"]]
+
+    @property
+    @abstractmethod
+    def viewer(self) -> AbstractViewer:
+        """The observer that this camera is."""
+
+    @abstractmethod
+    def rays(self, index: Int[Array, "P"]) -> Rays:
+        """The rays through the centres of pixels, numbered row by row."""
+
+    @abstractmethod
+    def check(self) -> None:
+        """Raise `BadInput` where the values, which are concrete here, make no picture."""
+
+    def axes(self) -> tuple[Vec3, Vec3, Vec3]:
+        """Unit vectors to the right of the image, to its top, and towards the viewer."""
+        origin = jnp.zeros_like(self.target) if self.position is None else self.position
+        back = unit(Vec3.from_array(origin - self.target))
+        right = unit(cross(Vec3.from_array(self.up), back))
+        return right, cross(back, right), back
+
+    def centred(self, index: Int[Array, "P"]) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
+        """Pixel centres from the image's centre, in pixels: to the right, and upwards."""
+        dtype = self.target.dtype
+        column = (index % self.width).astype(dtype)
+        row = (index // self.width).astype(dtype)
+        return column + (0.5 - self.width / 2), (self.height / 2 - 0.5) - row
+
+    def _check_axes(self) -> None:
+        right, _, back = (np.asarray(axis.to_array()) for axis in self.axes())
+        if not back.any():
+            raise BadInput("the camera's position and target are the same point: move one of them")
+        if not right.any():
+            raise BadInput(
+                f"the camera looks along its own up direction, {_brief(self.up)}: give another up"
+            )
+
+
+class OrthographicCamera(AbstractCamera):
+    """Parallel rays; `extent` is the image's width in world units, and pixels are square.
+
+    Without `position` it looks along -z, centred on the z axis, from in front of everything. With
+    one it sees what lies before that point, towards `target`, with `up` to the top of the image.
+
+    >>> OrthographicCamera(width=512, height=512, extent=2.4).width
+    512
+    """
+
+    width: int = eqx.field(static=True, converter=count("width"))
+    height: int = eqx.field(static=True, converter=count("height"))
+    extent: Float[Array, ""] = eqx.field(converter=number("extent"))
+    position: Float[Array, "3"] | None = eqx.field(
+        converter=optional(vector("the camera's position"))
+    )
+    target: Float[Array, "3"] = eqx.field(converter=vector("target"))
+    up: Float[Array, "3"] = eqx.field(converter=vector("up"))
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        extent: ArrayLike,
+        *,
+        position: ArrayLike | None = None,
+        target: ArrayLike | None = None,
+        up: ArrayLike = (0.0, 1.0, 0.0),
+    ) -> None:
+        if position is None and target is not None:
+            raise BadInput("an orthographic camera has a target and no position: give both")
+        ahead = (0.0, 0.0, -1.0) if position is None else (0.0, 0.0, 0.0)
+        self.width, self.height = width, height
+        self.extent = number("extent")(extent)
+        self.position = optional(vector("the camera's position"))(position)
+        self.target = vector("target")(ahead if target is None else target)
+        self.up = vector("up")(up)
+
+    @property
+    def viewer(self) -> DistantViewer:
+        return DistantViewer(self.axes()[2].to_array())
+
+    def rays(self, index: Int[Array, "P"]) -> Rays:
+        right, up, back = self.axes()
+        pixel = self.extent / self.width
+        x, y = self.centred(index)
+        centre = jnp.zeros_like(self.target) if self.position is None else self.position
+        return Rays(
+            Vec3.from_array(centre) + right * (x * pixel) + up * (y * pixel),
+            -back,
+        )
+
+    def check(self) -> None:
+        if not self.extent > 0:
+            raise BadInput(f"extent is {float(self.extent):g}: the image's width must be above 0")
+        self._check_axes()
+
+
+class PerspectiveCamera(AbstractCamera):
+    """Rays through one point; `fov` is the vertical field of view in radians, in (0, pi).
+
+    >>> PerspectiveCamera(640, 480, 0.7, position=(0, 0, 5), target=(0, 0, 0)).height
+    480
+    """
+
+    width: int = eqx.field(static=True, converter=count("width"))
+    height: int = eqx.field(static=True, converter=count("height"))
+    # mypy places inherited fields, two of them with defaults, before this one; Equinox does not
+    fov: Float[Array, ""] = eqx.field(converter=number("fov"))  # type: ignore[misc]
+    position: Float[Array, "3"] = eqx.field(converter=vector("the camera's position"))
+    target: Float[Array, "3"] = eqx.field(converter=vector("target"), default=(0.0, 0.0, 0.0))
+    up: Float[Array, "3"] = eqx.field(converter=vector("up"), default=(0.0, 1.0, 0.0))
+
+    @property
+    def viewer(self) -> Eye:
+        return Eye(self.position)
+
+    def rays(self, index: Int[Array, "P"]) -> Rays:
+        right, up, back = self.axes()
+        pixel = 2 * jnp.tan(self.fov / 2) / self.height
+        x, y = self.centred(index)
+        direction = unit(right * (x * pixel) + up * (y * pixel) - back)
+        return Rays(Vec3.from_array(self.position), direction)
+
+    def check(self) -> None:
+        if not 0 < self.fov < math.pi:
+            raise BadInput(
+                f"fov is {float(self.fov):g}: a vertical field of view lies between 0 and pi radians"
+                " (60 degrees are 1.047)"
+            )
+        self._check_axes()
+
+
+def _brief(vector: Float[Array, "3"]) -> str:
+    return "(" + ", ".join(f"{float(component):g}" for component in vector) + ")"

@@ -1,0 +1,108 @@
+"""The triangle mesh."""
+
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from diffshade.arrays import floats, is_concrete, optional
+from diffshade.errors import BadInput
+from diffshade.geometry.camera import AbstractCamera
+from diffshade.geometry.fields import indices
+from diffshade.geometry.normals import area_weights, plane_normals, vertex_normals
+from diffshade.geometry.surface import AbstractSurface, Visibility
+from diffshade.vector import Vec3, unit
+
+__all__ = ["Mesh"]
+
+NO_AREA = 1e-12
+"""A triangle lower than this part of its longest edge has no area to double precision."""
+
+
+class Mesh(AbstractSurface):
+    """Triangles: `vertices` [V, 3] in world axes, `faces` [F, 3] counter-clockwise seen from outside.
+
+    `normals` [V, 3], if given, are the vertex normals of Gouraud and Phong shading; otherwise they
+    are computed from the faces, weighted by area, and move with the vertices. `slot` [F] numbers
+    the material of each face where a mesh has several, and `materials` holds those that its file
+    came with. Vertices may be traced by `jit` or `grad`; faces decide shapes and may not.
+
+    Both sides of a triangle are seen, and its normals point to the outside on both: an open or
+    inside-out surface seen from behind is dark where the light is on the viewer's side.
+
+    Raises `BadInput` for shapes that do not fit and for indices outside the vertices.
+
+    >>> Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).faces.shape
+    (1, 3)
+    """
+
+    vertices: Float[Array, "V 3"] = eqx.field(converter=floats("vertices"))
+    faces: Int[Array, "F 3"] = eqx.field(converter=indices("faces"))
+    normals: Float[Array, "V 3"] | None = eqx.field(
+        converter=optional(floats("normals")), default=None
+    )
+    slot: Int[Array, "F"] | None = eqx.field(converter=optional(indices("slot")), default=None)
+    materials: tuple[Any, ...] = ()
+
+    def __check_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
+            raise BadInput(f"vertices has shape {self.vertices.shape}: give [V, 3] coordinates")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            raise BadInput(f"faces has shape {self.faces.shape}: give [F, 3] vertex numbers")
+        if self.normals is not None and self.normals.shape != self.vertices.shape:
+            raise BadInput(
+                f"normals has shape {self.normals.shape} where vertices has {self.vertices.shape}"
+            )
+        if self.slot is not None and self.slot.shape != self.faces.shape[:1]:
+            raise BadInput(f"slot has shape {self.slot.shape} for {self.faces.shape[0]} faces")
+        if self.faces.size and is_concrete(self.faces):
+            low, high = int(self.faces.min()), int(self.faces.max())
+            if low < 0 or high >= self.vertices.shape[0]:
+                raise BadInput(
+                    f"faces refers to vertices {low} to {high} of {self.vertices.shape[0]}:"
+                    " numbers run from 0 to one below the count"
+                )
+
+    def corners(self) -> tuple[Vec3, Vec3, Vec3]:
+        """The three vertices of every face."""
+        a, b, c = (Vec3.from_array(self.vertices[self.faces[:, k]]) for k in range(3))
+        return a, b, c
+
+    def degenerate(self) -> Bool[np.ndarray, "F"]:
+        """Which faces have no area, decided on concrete values: no pixel can see them."""
+        corners = np.asarray(self.vertices, np.float64)[np.asarray(self.faces)]
+        edges = corners - np.roll(corners, 1, axis=1)
+        longest = (edges**2).sum(axis=2).max(axis=1)
+        twice_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        return ~(twice_area > NO_AREA * longest)
+
+    def face_normals(self) -> Vec3:
+        """The unit normal of every face's plane; zero for a degenerate face."""
+        return plane_normals(*self.corners())
+
+    def vertex_normals(self) -> Vec3:
+        """The unit normal of every vertex: those given, or the area-weighted mean of its faces'.
+
+        Zero where there is none: at a vertex of no face, or whose faces' normals cancel.
+        """
+        if self.normals is not None:
+            return unit(Vec3.from_array(self.normals.astype(self.vertices.dtype)))
+        return vertex_normals(self.vertices, self.faces, weights=area_weights)
+
+    def visibility(self, camera: AbstractCamera) -> Visibility:
+        from diffshade.geometry.raycast import cast  # the ray caster loads only for a mesh
+
+        return cast(self, camera)
+
+    def points(self, camera: AbstractCamera, visibility: Visibility) -> tuple[Vec3, Vec3]:
+        face, barycentric = visibility.on_mesh()
+        corners = self.faces[face].T
+        position = _interpolate(Vec3.from_array(self.vertices), corners, barycentric)
+        normal = _interpolate(self.vertex_normals(), corners, barycentric)
+        return position, unit(normal)
+
+
+def _interpolate(values: Vec3, corners: Int[Array, "3 P"], weights: Vec3) -> Vec3:
+    a, b, c = (values[corner] for corner in corners)
+    return a * weights.x + b * weights.y + c * weights.z

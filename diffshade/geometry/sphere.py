@@ -1,0 +1,68 @@
+"""The analytic sphere (LIGHT-14 to LIGHT-16), for any camera."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from diffshade import guard
+from diffshade.arrays import vector
+from diffshade.errors import BadInput
+from diffshade.geometry.camera import AbstractCamera
+from diffshade.geometry.fields import number
+from diffshade.geometry.surface import AbstractSurface, Visibility
+from diffshade.vector import Vec3, dot
+
+__all__ = ["Sphere"]
+
+
+class Sphere(AbstractSurface):
+    """|P - center| = radius (LIGHT-14), radius > 0, seen from outside.
+
+    A pixel is foreground where the ray through its centre meets the sphere, the outline included.
+    A camera inside sees nothing of it.
+
+    >>> Sphere(center=(0, 0, 0), radius=1.0).center.shape
+    (3,)
+    """
+
+    center: Float[Array, "3"] = eqx.field(
+        converter=vector("the sphere's center"), default=(0.0, 0.0, 0.0)
+    )
+    radius: Float[Array, ""] = eqx.field(converter=number("the sphere's radius"), default=1.0)
+
+    def visibility(self, camera: AbstractCamera) -> Visibility:
+        if not self.radius > 0:
+            raise BadInput(f"the sphere's radius is {float(self.radius):g}: it must be above 0")
+        seen = np.asarray(_sees(self, camera))
+        return Visibility(
+            (camera.height, camera.width), jnp.asarray(np.flatnonzero(seen), dtype=jnp.int32)
+        )
+
+    def points(self, camera: AbstractCamera, visibility: Visibility) -> tuple[Vec3, Vec3]:
+        origin, direction = camera.rays(visibility.index)
+        along, depth_squared = self._closest(camera, visibility.index)
+        # LIGHT-15: z = sqrt(r^2 - dx^2 - dy^2), measured back along the ray from its closest point
+        # to the centre. Its derivative on the outline, where z = 0, is infinite; here it is 0 there.
+        position = origin + direction * (along - guard.sqrt(depth_squared))
+        normal = (position - Vec3.from_array(self.center)) * (1 / self.radius)  # LIGHT-16
+        return position, normal
+
+    def _closest(
+        self, camera: AbstractCamera, index: Int[Array, "P"]
+    ) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
+        """Of each ray, where it passes closest to the centre, and the z^2 of LIGHT-15 there."""
+        origin, direction = camera.rays(index)
+        to_centre = Vec3.from_array(self.center) - origin
+        along = dot(to_centre, direction)
+        across = to_centre - direction * along
+        return along, self.radius**2 - dot(across, across)
+
+
+@jax.jit
+def _sees(sphere: Sphere, camera: AbstractCamera) -> Array:
+    pixels = jnp.arange(camera.width * camera.height)
+    along, depth_squared = sphere._closest(camera, pixels)
+    in_front = camera.position is None or along - guard.sqrt(depth_squared) > 0
+    return (depth_squared >= 0) & in_front

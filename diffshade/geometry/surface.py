@@ -1,0 +1,46 @@
+"""What every surface is: something a camera sees through some pixels, with a position and a normal."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Int
+
+from diffshade.errors import BadInput
+from diffshade.geometry.camera import AbstractCamera
+from diffshade.vector import Vec3
+
+__all__ = ["AbstractSurface", "Visibility"]
+
+
+class Visibility(eqx.Module):
+    """Which pixels see a surface, and where: decided on concrete values, never differentiated.
+
+    `index` numbers the foreground pixels row by row. On a mesh `face` is the triangle that each
+    pixel sees and `barycentric` the weights of that triangle's vertices at the point it sees.
+    """
+
+    shape: tuple[int, int] = eqx.field(static=True)
+    index: Int[Array, "P"]
+    face: Int[Array, "P"] | None = None
+    barycentric: Vec3 | None = None
+
+    def on_mesh(self) -> tuple[Int[Array, "P"], Vec3]:
+        """The faces and the barycentric coordinates, which the visibility of a mesh has."""
+        if self.face is None or self.barycentric is None:
+            raise BadInput(
+                "this visibility has no faces, so it is not that of a mesh: compute"
+                " ds.visibility(mesh, camera)"
+            )
+        return self.face, self.barycentric
+
+
+class AbstractSurface(eqx.Module):
+    """A surface that can be seen."""
+
+    @abstractmethod
+    def visibility(self, camera: AbstractCamera) -> Visibility:
+        """Which pixels see it, from concrete values."""
+
+    @abstractmethod
+    def points(self, camera: AbstractCamera, visibility: Visibility) -> tuple[Vec3, Vec3]:
+        """Positions and unit normals at the visible pixels, differentiable in surface and camera."""

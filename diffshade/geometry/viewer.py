@@ -1,0 +1,43 @@
+"""Where the observer is: at a point, or so far away that every direction to it is the same."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from diffshade.arrays import vector
+from diffshade.errors import BadInput
+from diffshade.vector import Vec3, unit
+
+__all__ = ["AbstractViewer", "DistantViewer", "Eye"]
+
+
+class AbstractViewer(eqx.Module):
+    """The observer of a surface."""
+
+    @abstractmethod
+    def direction(self, position: Vec3 | None) -> Vec3:
+        """v, the unit vector from the surface to the observer (LIGHT-7)."""
+
+
+class Eye(AbstractViewer):
+    """An observer at a point: v = (eye - P) / |eye - P| (LIGHT-7a, 7b)."""
+
+    position: Float[Array, "3"] = eqx.field(converter=vector("eye"))
+
+    def direction(self, position: Vec3 | None) -> Vec3:
+        if position is None:
+            raise BadInput(
+                "an eye needs positions, and this G-buffer has normals only: give"
+                " GBuffer.from_arrays a position, or a constant view direction"
+            )
+        return unit(Vec3.from_array(self.position) - position)
+
+
+class DistantViewer(AbstractViewer):
+    """An observer at infinity, as an orthographic camera has it: v is one constant direction."""
+
+    view: Float[Array, "3"] = eqx.field(converter=vector("view"))
+
+    def direction(self, position: Vec3 | None) -> Vec3:
+        return unit(Vec3.from_array(self.view))

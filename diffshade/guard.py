@@ -1,0 +1,61 @@
+"""Every singularity of the shading equations, guarded once.
+
+Each function is the textbook one where that is finite, and a stated value with zero derivative where
+it is not. The guard is the double ``where``: the argument is made harmless *before* the singular
+function sees it, and the result is replaced *after*. A single ``where`` is right forward and NaN in
+reverse, because 0 times infinity is NaN; adding an epsilon would change every result a little.
+"""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+__all__ = ["log", "positive", "power", "reciprocal", "reciprocal_sqrt", "sqrt"]
+
+Plane = Float[Array, "..."]
+
+
+def positive(x: Plane) -> Plane:
+    """max(x, 0), with derivative 0 at the kink x = 0 (JAX's own ``maximum`` takes one half)."""
+    return jnp.where(x > 0, x, 0)
+
+
+def sqrt(x: Plane) -> Plane:
+    """Square root of max(x, 0), with derivative 0 where x <= 0."""
+    return _guarded(jnp.sqrt, x, x > 0)
+
+
+def reciprocal_sqrt(x: Plane) -> Plane:
+    """1/sqrt(x) where x > 0; elsewhere 0 with derivative 0."""
+    return _guarded(lax.rsqrt, x, x > 0)
+
+
+def reciprocal(x: Plane) -> Plane:
+    """1/x where x != 0; at 0 it is 0 with derivative 0."""
+    return _guarded(lambda safe: 1 / safe, x, x != 0)
+
+
+def log(x: Plane) -> Plane:
+    """Natural logarithm where x > 0; elsewhere 0 with derivative 0."""
+    return _guarded(jnp.log, x, x > 0)
+
+
+def power(x: Plane, n: Plane) -> Plane:
+    """max(x, 0)**n for n >= 0: the lobe of Phong (LIGHT-5), zero with zero derivative for x <= 0.
+
+    Below the square root of the smallest normal number (1e-19 in float32) x counts as zero, so that
+    the second derivative, which holds 1/x^2, stays finite; for n >= 1 the result is zero there to
+    any working precision. Where the power itself underflows, it and its derivatives are zero.
+    """
+    info = jnp.finfo(jnp.result_type(x))
+    inside = x > float(info.tiny) ** 0.5
+    exponent = n * jnp.log(jnp.where(inside, x, 1))
+    visible = inside & (exponent > np.log(float(info.tiny)))
+    return jnp.where(visible, jnp.exp(jnp.where(visible, exponent, 0)), 0)
+
+
+def _guarded(f: Callable[[Plane], Plane], x: Plane, inside: Bool[Array, "..."]) -> Plane:
+    return jnp.where(inside, f(jnp.where(inside, x, 1)), 0)

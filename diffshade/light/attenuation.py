@@ -1,0 +1,88 @@
+"""How the intensity of a light falls with the distance d >= 0 between source and surface.
+
+Each is one formula f(d). A light without attenuation holds None, and its distance is never computed.
+"""
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from diffshade import guard
+from diffshade.arrays import floats
+
+__all__ = [
+    "AbstractAttenuation",
+    "ExponentialAttenuation",
+    "InverseSquare",
+    "LinearAttenuation",
+    "QuadraticAttenuation",
+]
+
+Plane = Float[Array, "..."]
+
+
+class AbstractAttenuation(eqx.Module):
+    """A factor f(d) on the intensity of a light."""
+
+    @abstractmethod
+    def __call__(self, d: Plane) -> Plane:
+        """f at the distances d."""
+
+
+class QuadraticAttenuation(AbstractAttenuation):
+    """f(d) = min(1 / (c0 + c1 d + c2 d^2), 1) (LIGHT-12), with c0, c1, c2 >= 0.
+
+    Where the denominator is below 1 the clamp holds f at 1 and every derivative is 0. On the edge
+    itself, where c = (1, 0, 0) lies, the derivative is that of the unclamped side.
+
+    >>> float(QuadraticAttenuation(1.0, 0.1, 0.01)(jnp.array(10.0)))  # 1 / (1 + 1 + 1)
+    0.3333...
+    """
+
+    c0: Float[Array, "..."] = eqx.field(converter=floats("c0"))
+    c1: Float[Array, "..."] = eqx.field(converter=floats("c1"), default=0.0)
+    c2: Float[Array, "..."] = eqx.field(converter=floats("c2"), default=0.0)
+
+    def __call__(self, d: Plane) -> Plane:
+        q = self.c0 + d * (self.c1 + d * self.c2)
+        return 1 / jnp.where(q >= 1, q, 1)
+
+
+class LinearAttenuation(AbstractAttenuation):
+    """f(d) = 1 / (c0 + c1 d), with c0, c1 >= 0; not clamped; 0 where the denominator is 0.
+
+    >>> float(LinearAttenuation(1.0, 0.5)(jnp.array(2.0)))
+    0.5
+    """
+
+    c0: Float[Array, "..."] = eqx.field(converter=floats("c0"))
+    c1: Float[Array, "..."] = eqx.field(converter=floats("c1"))
+
+    def __call__(self, d: Plane) -> Plane:
+        return guard.reciprocal(self.c0 + self.c1 * d)
+
+
+class InverseSquare(AbstractAttenuation):
+    """f(d) = 1 / d^2, not clamped; 0, with derivative 0, at d = 0.
+
+    >>> float(InverseSquare()(jnp.array(2.0)))
+    0.25
+    """
+
+    def __call__(self, d: Plane) -> Plane:
+        return guard.reciprocal(d * d)
+
+
+class ExponentialAttenuation(AbstractAttenuation):
+    """f(d) = exp(-a d): absorption in the medium, Lambert's third law; a >= 0 per unit of length.
+
+    >>> float(ExponentialAttenuation(0.0)(jnp.array(2.0)))
+    1.0
+    """
+
+    a: Float[Array, "..."] = eqx.field(converter=floats("a"))
+
+    def __call__(self, d: Plane) -> Plane:
+        return jnp.exp(-self.a * d)

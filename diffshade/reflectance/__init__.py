@@ -1,0 +1,1 @@
+"""Models of reflection, one a file, and the material that joins them."""

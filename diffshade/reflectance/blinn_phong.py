@@ -1,0 +1,49 @@
+"""Blinn's specular lobe about the halfway vector (Blinn 1977)."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from diffshade import guard
+from diffshade.arrays import floats
+from diffshade.channels import channels
+from diffshade.reflectance.lobe import AbstractLobe
+from diffshade.vector import Vec3, dot, halfway
+
+__all__ = ["BlinnPhong", "blinn_phong"]
+
+Plane = Float[Array, "..."]
+
+
+def blinn_phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
+    """max(0, n.h)^shininess with h = (l + v)/|l + v|, and 0 where n.l <= 0.
+
+    n, l, v are unit vectors away from the surface; shininess >= 0. Not smooth where n.h = 0, where
+    the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
+    jumps to 0.
+    """
+    n_dot_h = dot(n, halfway(l, v))
+    return guard.power(jnp.where(n_dot_l > 0, n_dot_h, 0), shininess)
+
+
+class BlinnPhong(AbstractLobe):
+    """I_p k_s max(0, n.h)^n: `ks` in [0, 1], `shininess` n >= 0, the form of OpenGL and of .mtl files.
+
+    Each is one number, one a channel [C], or a map over a G-buffer's pixels [C or 1, P].
+    The angle between n and h is half that between r and v when n lies between l and v, so the
+    exponent that looks like a Phong lobe's is about 4 times as large.
+
+    >>> BlinnPhong(ks=0.5, shininess=128).ks.ndim
+    0
+    """
+
+    ks: Float[Array, "..."] = eqx.field(converter=floats("ks"))
+    shininess: Float[Array, "..."] = eqx.field(converter=floats("shininess"))
+    kind: ClassVar[str] = "blinn_phong"
+
+    def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
+        return tuple(
+            blinn_phong(n, l, v, n_dot_l, exponent) for exponent in channels(self.shininess)
+        )

@@ -1,0 +1,23 @@
+"""What every specular lobe is: a coefficient k_s and a shape over directions."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from diffshade.vector import Vec3
+
+__all__ = ["AbstractLobe"]
+
+Plane = Float[Array, "..."]
+
+
+class AbstractLobe(eqx.Module):
+    """A specular term k_s s(n, l, v). The radiance is linear in k_s; the shape s holds the rest."""
+
+    kind: eqx.AbstractClassVar[str]
+    ks: eqx.AbstractVar[Float[Array, "..."]]
+
+    @abstractmethod
+    def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
+        """s for unit vectors n, l, v: one plane, or one a channel; 0 where n.l <= 0."""

@@ -1,0 +1,32 @@
+"""A scene: the light that is there, whatever it falls on."""
+
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from diffshade.arrays import floats, optional
+from diffshade.light.base import AbstractLight
+
+__all__ = ["Scene"]
+
+
+def _lights(lights: Any) -> tuple[AbstractLight, ...]:
+    return (lights,) if isinstance(lights, AbstractLight) else tuple(lights)
+
+
+class Scene(eqx.Module):
+    """Ambient light of intensity I_a (LIGHT-1), and any number of lights.
+
+    `ambient` is one number, one a channel, or None for no ambient light at all. It is counted once,
+    whatever the number of lights.
+
+    >>> from diffshade.light.parallel import ParallelLight
+    >>> len(Scene(ambient=0.1, lights=ParallelLight(direction=(0, 0, 1))).lights)
+    1
+    """
+
+    ambient: Float[Array, "..."] | None = eqx.field(
+        converter=optional(floats("the ambient intensity")), default=None
+    )
+    lights: tuple[AbstractLight, ...] = eqx.field(converter=_lights, default=())

@@ -1,0 +1,93 @@
+"""The basis of an image: everything of the illumination equation but k_a, k_d and k_s.
+
+    I = I_a k_a O_d + sum_j I_j f_j(d_j) [ k_d O_d max(0, n.l_j) + sum_m k_s,m O_s s_m(n, l_j, v) ]
+                                                                            (LIGHT-13, with text C)
+
+is linear in the coefficients. The sums over lights j are computed here, once, for both readers:
+rendering contracts them with a material, fitting solves for the material that contracts best.
+"""
+
+import equinox as eqx
+import jax
+
+from diffshade.channels import Channels, channels, plus, times
+from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.base import AbstractLight
+from diffshade.reflectance.lambert import lambert
+from diffshade.reflectance.material import Material
+from diffshade.scene import Scene
+from diffshade.shading.lights import sum_over_lights
+from diffshade.vector import dot
+
+__all__ = ["Basis", "basis", "contract"]
+
+
+class Basis(eqx.Module):
+    """The image that a coefficient of 1 would give, term by term; None or () where absent.
+
+    Every term is a tuple with one entry for all channels, or one a channel. `ambient` holds
+    numbers, I_a; `diffuse` planes [P], sum_j I_j f_j n.l_j; `specular` the same for each lobe.
+    """
+
+    ambient: Channels | None
+    diffuse: Channels | None
+    specular: tuple[Channels, ...]
+
+
+def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
+    """The basis of an image for `material`'s terms and lobes; its ka, kd and ks are not read.
+
+    What is absent is not computed: no ambient without I_a and k_a, no n.l or l without lights, no
+    view without a lobe, no distance without attenuation.
+    """
+    ambient = None if material.ka is None or scene.ambient is None else channels(scene.ambient)
+    lit = bool(scene.lights) and (material.kd is not None or bool(material.specular))
+    diffuse, specular = _light_sums(gbuffer, scene.lights, material) if lit else (None, ())
+    return Basis(ambient, diffuse, specular)
+
+
+def contract(basis: Basis, material: Material) -> Channels:
+    """The image's planes: the basis times ka O_d, kd O_d and each ks O_s, summed.
+
+    Empty where nothing is lit; a term that is the same for all pixels is a number.
+    """
+    od = () if material.od is None else (channels(material.od),)
+    os = () if material.os is None else (channels(material.os),)
+    terms = []
+    if basis.ambient is not None and material.ka is not None:
+        terms.append((basis.ambient, channels(material.ka), *od))
+    if basis.diffuse is not None and material.kd is not None:
+        terms.append((basis.diffuse, channels(material.kd), *od))
+    for lobe, shape in zip(material.specular, basis.specular, strict=False):
+        terms.append((shape, channels(lobe.ks), *os))
+
+    image: Channels = ()
+    for shape, *coefficients in terms:
+        weight = coefficients[0]
+        for factor in coefficients[1:]:
+            weight = times(weight, factor)
+        term = times(weight, shape)
+        image = plus(image, term) if image else term
+    return image
+
+
+def _light_sums(
+    gbuffer: GBuffer, lights: tuple[AbstractLight, ...], material: Material
+) -> tuple[Channels | None, tuple[Channels, ...]]:
+    n = gbuffer.normal
+    v = gbuffer.viewer.direction(gbuffer.position) if material.specular else None
+
+    def term(light: AbstractLight) -> tuple[Channels | None, tuple[Channels, ...]]:
+        l, f = light.incidence(gbuffer.position)
+        n_dot_l = dot(n, l)
+        intensity = channels(light.intensity)
+        arriving = intensity if f is None else times(intensity, (f,))
+        diffuse = None if material.kd is None else times(arriving, (lambert(n_dot_l),))
+        if v is None:
+            return diffuse, ()
+        return diffuse, tuple(
+            times(arriving, lobe.shape(n, l, v, n_dot_l)) for lobe in material.specular
+        )
+
+    sums = sum_over_lights(term, lights)
+    return sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)

@@ -1,0 +1,86 @@
+"""Three planes that are written as one point.
+
+The shading equations are written for a single point, with vectors, as the books write them. Every
+component of a `Vec3` is a plane over all points (or one number for a constant vector), so the same
+lines run over a whole image: XLA sees elementwise arithmetic on contiguous planes, never [..., 3]
+arrays, which are 4 to 20 times slower on a CPU.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from diffshade import guard
+
+__all__ = ["Vec3", "cross", "dot", "halfway", "length", "reflect", "unit"]
+
+Plane = Float[Array, "..."]
+
+
+class Vec3(eqx.Module):
+    """A vector whose components are planes of one shape, or numbers."""
+
+    x: Plane
+    y: Plane
+    z: Plane
+
+    def __add__(self, other: "Vec3") -> "Vec3":
+        return Vec3(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def __sub__(self, other: "Vec3") -> "Vec3":
+        return Vec3(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    def __mul__(self, factor: Plane | float) -> "Vec3":
+        return Vec3(self.x * factor, self.y * factor, self.z * factor)
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> "Vec3":
+        return Vec3(-self.x, -self.y, -self.z)
+
+    @classmethod
+    def from_array(cls, array: Float[Array, "... 3"]) -> "Vec3":
+        """Planes from an array whose last axis holds x, y, z."""
+        return cls(array[..., 0], array[..., 1], array[..., 2])
+
+    def to_array(self) -> Float[Array, "... 3"]:
+        """The array whose last axis holds x, y, z."""
+        return jnp.stack([self.x, self.y, self.z], axis=-1)
+
+    def __getitem__(self, index: object) -> "Vec3":
+        """The vectors at an index of the planes."""
+        return Vec3(self.x[index], self.y[index], self.z[index])
+
+
+def dot(a: Vec3, b: Vec3) -> Plane:
+    """a . b"""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """a x b"""
+    return Vec3(
+        a.y * b.z - a.z * b.y,
+        a.z * b.x - a.x * b.z,
+        a.x * b.y - a.y * b.x,
+    )
+
+
+def length(a: Vec3) -> Plane:
+    """|a|; the derivative at the zero vector is 0."""
+    return guard.sqrt(dot(a, a))
+
+
+def unit(a: Vec3) -> Vec3:
+    """a / |a|; the zero vector stays zero, with derivative 0."""
+    return a * guard.reciprocal_sqrt(dot(a, a))
+
+
+def reflect(l: Vec3, n: Vec3) -> Vec3:
+    """Mirror direction r = 2 (n.l) n - l (LIGHT-10); both l and r point away from the surface."""
+    return n * (2 * dot(n, l)) - l
+
+
+def halfway(l: Vec3, v: Vec3) -> Vec3:
+    """Unit vector halfway between l and v (Blinn 1977); zero, with derivative 0, where l = -v."""
+    return unit(l + v)
