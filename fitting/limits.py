@@ -1,0 +1,123 @@
+"""Bounds on every coefficient, and where the search may look."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from diffshade.errors import BadInput
+from diffshade.reflectance.material import Material
+from fitting.model import Model, coefficient, linear_names, shininess_names
+
+__all__ = ["Bounds", "Limits", "limits"]
+
+Bounds = Mapping[str, tuple[float | None, float | None]]
+
+REFLECTED = (0.0, 1.0)
+"""Of k_a, k_d and k_s by default: a share of the light."""
+SHININESS = (0.1, 1e5)
+GAIN = (1e-6, 1e6)
+
+SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
+GAIN_NODES = np.log(np.geomspace(1e-3, 1e2, 6))
+# The triangle of attenuations, in (reach, bend): its corners, the thirds of its edges, its middle.
+ATTENUATION_NODES = tuple(
+    ((i + j) / 3, j / (i + j) if i + j else 0.5) for i in range(4) for j in range(4 - i)
+)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of the linear coefficients [C, p] (equal where held), the box of u, and its grid.
+
+    With a fitted attenuation k_d and k_s have no scale of their own, and `upper` does not bound them;
+    `natural_upper` holds the bounds that they have once the scale is set.
+    """
+
+    lower: Float[np.ndarray, "C p"]
+    upper: Float[np.ndarray, "C p"]
+    natural_upper: Float[np.ndarray, "C p"]
+    held: Bool[np.ndarray, "C p"]
+    box: tuple[Float[np.ndarray, "q"], Float[np.ndarray, "q"]]
+    nodes: Float[np.ndarray, "N q"]
+
+
+def limits(
+    model: Model, held: frozenset[str], start: Material, bounds: Bounds, *, start_given: bool
+) -> Limits:
+    """The limits of a model; `bounds` overrides the defaults by name."""
+    given = _by_full_name(bounds, start)
+    names = linear_names(start)
+    columns = [_column(name, name in held, start, given, model.channel_count) for name in names]
+    lower, natural = np.array(columns, float).reshape(-1, 2, model.channel_count).transpose(1, 2, 0)
+    is_held = np.tile([name in held for name in names], (model.channel_count, 1))
+    floating = model.distance is not None and not model.scaled
+    upper = np.where([floating and name != "ka" for name in names], np.inf, natural)
+
+    edges = []
+    for j in model.searched:
+        low, high = given.get(f"specular.{j}.shininess", SHININESS)
+        low, high = SHININESS[0] if low is None else low, SHININESS[1] if high is None else high
+        if not 0 < low <= high:
+            raise BadInput(
+                f"bounds of specular.{j}.shininess are {low:g} to {high:g}: give 0 < lower <= upper"
+            )
+        edges.append((np.log(low), np.log(high)))
+    if model.distance is not None:
+        edges += [(0.0, 1.0), (0.0, 1.0)]
+        edges += [(np.log(GAIN[0]), np.log(GAIN[1]))] * model.scaled
+    box = np.array(edges, float).reshape(-1, 2).T
+    nodes = _grid(model)
+    if start_given:
+        nodes = np.concatenate([_start(model, start)[None], nodes])
+    return Limits(lower, upper, natural, is_held, (box[0], box[1]), nodes)
+
+
+def _column(
+    name: str, held: bool, start: Material, given: Bounds, channel_count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bound of one linear coefficient, a number a channel."""
+    if held:
+        value = np.broadcast_to(np.asarray(coefficient(start, name)), (channel_count,))
+        return value, value
+    low, high = given.get(name, REFLECTED)
+    low = -np.inf if low is None else low
+    high = np.inf if high is None else high
+    if not low <= high:
+        raise BadInput(f"bounds of {name} are {low:g} to {high:g}: give lower <= upper")
+    return np.full(channel_count, low), np.full(channel_count, high)
+
+
+def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[float | None, float | None]]:
+    known = (*linear_names(start), *shininess_names(start))
+    full: dict[str, tuple[float | None, float | None]] = {}
+    for name, pair in bounds.items():
+        parts = name.split(".")
+        short = [n for n in known if len(parts) == 2 and n.split(".")[::2] == parts]
+        matching = [name] if name in known else short
+        if not matching:
+            raise BadInput(
+                f"bounds names {name!r}, which this material lacks: it has {', '.join(known)}"
+            )
+        full |= dict.fromkeys(matching, pair)
+    return full
+
+
+def _grid(model: Model) -> np.ndarray:
+    """Coarse nodes over u; of two lobes the first is the sharper."""
+    nodes: list[tuple[float, ...]] = [()]
+    for _ in model.searched:
+        nodes = [(*u, n) for u in nodes for n in SHININESS_NODES if not u or n < u[-1]]
+    if model.distance is not None:
+        nodes = [(*u, *shape) for u in nodes for shape in ATTENUATION_NODES]
+        if model.scaled:
+            nodes = [(*u, gain) for u in nodes for gain in GAIN_NODES]
+    return np.array(nodes, float).reshape(len(nodes), model.size)
+
+
+def _start(model: Model, start: Material) -> np.ndarray:
+    """The u of the material as given; an attenuation starts in the middle of its triangle."""
+    lobes = [np.log(float(coefficient(start, f"specular.{j}.shininess"))) for j in model.searched]
+    shape = [] if model.distance is None else [2 / 3, 0.5, *([0.0] * model.scaled)]
+    return np.array([*lobes, *shape], float)

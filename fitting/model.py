@@ -1,0 +1,139 @@
+"""What is fitted: which coefficients are linear, which are searched, which are held.
+
+The image is linear in ka, kd and each ks; these are solved for exactly. What is left to search is the
+shape of each lobe and of the attenuation, a short vector u. A material is a fact, a parameterisation
+a method: holding and scales live here, never in the material.
+"""
+
+from collections.abc import Iterable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from diffshade.channels import Channels, per_channel
+from diffshade.errors import BadInput
+from diffshade.geometry.gbuffer import GBuffer
+from diffshade.reflectance.material import Material
+from diffshade.reflectance.phong import Phong
+from diffshade.scene import Scene
+from diffshade.shading.basis import basis
+from fitting.gauge import ReferenceAttenuation, with_attenuation
+
+__all__ = [
+    "Model",
+    "coefficient",
+    "default_material",
+    "held_names",
+    "linear_names",
+    "shininess_names",
+]
+
+
+class Model(eqx.Module):
+    """A material's terms and lobes, of which some coefficients are unknown.
+
+    `material` has the values of what is held. u holds, in this order, the logarithm of the shininess
+    of the lobes `searched`; then, where an attenuation is fitted at the reference distance
+    `distance`, its reach and bend; then, where its scale is known because k_d or a k_s is held
+    (`scaled`), the logarithm of f(distance).
+    """
+
+    material: Material
+    searched: tuple[int, ...] = eqx.field(static=True)
+    channel_count: int = eqx.field(static=True)
+    distance: Float[Array, ""] | None = None
+    scaled: bool = eqx.field(static=True, default=False)
+
+    @property
+    def size(self) -> int:
+        """How many unknowns are searched."""
+        return len(self.searched) + (0 if self.distance is None else 2 + self.scaled)
+
+    def unpack(self, u: Float[Array, "q"]) -> tuple[Material, ReferenceAttenuation | None]:
+        """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
+        material = self.material
+        for k, j in enumerate(self.searched):
+            material = eqx.tree_at(lambda m: m.specular[j].shininess, material, jnp.exp(u[k]))  # noqa: B023
+        if self.distance is None:
+            return material, None
+        reach, bend, *gain = u[len(self.searched) :]
+        return material, ReferenceAttenuation(
+            reach, bend, self.distance, jnp.exp(gain[0]) if gain else jnp.ones_like(reach)
+        )
+
+    def columns(
+        self, u: Float[Array, "q"], gbuffer: GBuffer, scene: Scene
+    ) -> Float[Array, "C p P"]:
+        """What each linear coefficient adds to each channel's image: the basis, as a matrix."""
+        material, attenuation = self.unpack(u)
+        if attenuation is not None:
+            scene = with_attenuation(scene, attenuation)
+        terms = basis(gbuffer, scene, material)
+        present = [
+            *((terms.ambient,) if material.ka is not None else ()),
+            *((terms.diffuse,) if material.kd is not None else ()),
+            *(terms.specular or (None,) * len(material.specular)),
+        ]
+        dark = jnp.zeros(gbuffer.pixel_count, gbuffer.normal.x.dtype)
+
+        def column(term: Channels | None) -> Float[Array, "C P"]:
+            planes = per_channel(term or (dark,), self.channel_count)
+            return jnp.stack([plane + dark for plane in planes])
+
+        return jnp.stack([column(term) for term in present], axis=1)
+
+    def with_linear(self, material: Material, k: Float[Array, "C p"]) -> Material:
+        """The material with its linear coefficients set, one number a channel."""
+        for name, column in zip(linear_names(material), k.T, strict=True):
+            material = eqx.tree_at(lambda m: coefficient(m, name), material, column)  # noqa: B023
+        return material
+
+
+def linear_names(material: Material) -> tuple[str, ...]:
+    """The linear coefficients of a material, in the order of the columns."""
+    return (
+        *(("ka",) if material.ka is not None else ()),
+        *(("kd",) if material.kd is not None else ()),
+        *(f"specular.{j}.ks" for j in range(len(material.specular))),
+    )
+
+
+def shininess_names(material: Material) -> tuple[str, ...]:
+    """The shininess of every lobe, by name."""
+    return tuple(f"specular.{j}.shininess" for j in range(len(material.specular)))
+
+
+def default_material(scenes: Iterable[Scene]) -> Material:
+    """Diffuse and one Phong lobe, and ambient where any scene has ambient light."""
+    ambient = any(scene.ambient is not None for scene in scenes)
+    half = jnp.asarray(0.5, float)
+    lobe = Phong(ks=half, shininess=jnp.asarray(30.0, float))
+    return Material(ka=half if ambient else None, kd=half, specular=(lobe,))
+
+
+def held_names(hold: Iterable[str], material: Material) -> frozenset[str]:
+    """Full names of what is held; "specular.ks" stands for that of every lobe."""
+    if isinstance(hold, str):
+        raise BadInput(f"hold is {hold!r}: give a sequence of names, ({hold!r},)")
+    known = (*linear_names(material), *shininess_names(material))
+    names = set()
+    for name in hold:
+        lobes = {
+            f"specular.{j}.{name.removeprefix('specular.')}" for j in range(len(material.specular))
+        }
+        matching = {n for n in known if n == name or (name.startswith("specular.") and n in lobes)}
+        if not matching:
+            raise BadInput(
+                f"hold names {name!r}, which this material lacks: it has {', '.join(known)}"
+            )
+        names |= matching
+    return frozenset(names)
+
+
+def coefficient(material: Material, name: str) -> Float[Array, "..."]:
+    """A coefficient by its full name."""
+    if name.startswith("specular."):
+        _, lobe, field = name.split(".")
+        return getattr(material.specular[int(lobe)], field)
+    return getattr(material, name)

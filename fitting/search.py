@@ -1,0 +1,78 @@
+"""From nothing to the minimum: a coarse grid on few pixels, refined there, finished on all."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Bool, Float, Int
+
+from fitting.project import Linearised, Problem, compressed_residual, cost, linearise
+from fitting.solver import BoundedLevenbergMarquardt
+
+__all__ = ["Found", "search"]
+
+SHARES = (0.0, 1.0)
+"""Of the blocks: one for the grid and the first refinement, all for the last."""
+MAX_STEPS = 64
+
+
+@dataclass(frozen=True)
+class Found:
+    """The minimum: u, the fit around it, the steps that it took, and whether it converged."""
+
+    u: Float[Array, "q"]
+    at: Linearised
+    steps: int
+    converged: bool
+
+
+def search(
+    problem: Problem,
+    nodes: Float[np.ndarray, "N q"],
+    lower: Float[np.ndarray, "q"],
+    upper: Float[np.ndarray, "q"],
+) -> Found:
+    """Minimise over u in its box, from the best of the nodes."""
+    dtype = problem.norm.dtype
+    if nodes.shape[1] == 0:
+        u = jnp.zeros(0, dtype)
+        return Found(u, _linearise(problem, u), 0, True)
+    low, high = jnp.asarray(lower, dtype), jnp.asarray(upper, dtype)
+    u = _best_node(_on(problem, SHARES[0]), jnp.asarray(np.clip(nodes, lower, upper), dtype))
+    steps = 0
+    for share in SHARES:
+        u, at, count, converged = _refine(_on(problem, share), u, low, high)
+        steps += int(count)
+    return Found(u, at, steps, bool(converged) and bool(jnp.isfinite(at.cost)))
+
+
+def _on(problem: Problem, share: float) -> Problem:
+    part = np.asarray(share, problem.norm.dtype)
+    return eqx.tree_at(lambda p: p.block_share, problem, part)
+
+
+@jax.jit
+def _best_node(problem: Problem, nodes: Float[Array, "N q"]) -> Float[Array, "q"]:
+    costs = jax.lax.map(lambda u: cost(problem, u), nodes)
+    return nodes[jnp.argmin(jnp.where(jnp.isfinite(costs), costs, jnp.inf))]
+
+
+@jax.jit
+def _refine(
+    problem: Problem, u: Float[Array, "q"], lower: Float[Array, "q"], upper: Float[Array, "q"]
+) -> tuple[Float[Array, "q"], Linearised, Int[Array, ""], Bool[Array, ""]]:
+    eps = float(jnp.finfo(u.dtype).eps)
+    tolerance = eps**0.5 if u.dtype == jnp.float64 else 100 * eps
+    solver = BoundedLevenbergMarquardt(tolerance, tolerance, lower, upper)
+    solution: optx.Solution = optx.least_squares(
+        compressed_residual, solver, u, args=problem, max_steps=MAX_STEPS, throw=False
+    )
+    converged = jnp.asarray(solution.result == optx.RESULTS.successful)
+    at = linearise(problem, solution.value)
+    return solution.value, at, solution.stats["num_steps"], converged
+
+
+_linearise = jax.jit(linearise)
