@@ -5,9 +5,10 @@ from itertools import product
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Bool, Float
 
-__all__ = ["bounded_least_squares"]
+__all__ = ["bounded_least_squares", "solve_positive"]
 
 FREE, AT_LOWER, AT_UPPER = 0, 1, 2
 
@@ -45,7 +46,7 @@ def bounded_least_squares(
         value = jnp.where(held, jnp.where(seen, value, rest), 0)
         free = (~held).astype(dtype)
         matrix = g_scaled * jnp.outer(free, free) + jnp.diag(1 - free)
-        k = value + jnp.linalg.solve(matrix, free * (m_scaled - g_scaled @ value)) * free
+        k = value + solve_positive(matrix, free * (m_scaled - g_scaled @ value)) * free
         tolerance = slack * (1 + jnp.abs(k))
         inside = jnp.all(held | ((k >= low - tolerance) & (k <= high + tolerance)))
         missing = jnp.any((state == AT_LOWER) & ~jnp.isfinite(low) & seen)
@@ -58,3 +59,17 @@ def bounded_least_squares(
     ks, helds, costs = jax.vmap(candidate)(states)
     best = jnp.argmin(costs)
     return ks[best] / scale, ~helds[best]
+
+
+def solve_positive(
+    matrix: Float[Array, "n n"], right: Float[Array, "n *m"]
+) -> Float[Array, "n *m"]:
+    """Solve a symmetric positive definite system by Cholesky; NaN where it is not one.
+
+    A tenth of the program, and of its compile time, that a general solver would be.
+    """
+    factor = lax.linalg.cholesky(matrix, symmetrize_input=False)
+    columns = right.reshape(len(right), -1)
+    half = lax.linalg.triangular_solve(factor, columns, left_side=True, lower=True)
+    full = lax.linalg.triangular_solve(factor, half, left_side=True, lower=True, transpose_a=True)
+    return full.reshape(right.shape)

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.scene import Scene
-from fitting.linear import bounded_least_squares
+from fitting.linear import bounded_least_squares, solve_positive
 from fitting.model import Model
 from fitting.observation import Group
 
@@ -76,7 +76,7 @@ def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
         scale = 1 / jnp.sqrt(jnp.diagonal(inner))
         inner = inner * jnp.outer(scale, scale)
         side = gram[:p, p:] * (keep * scale)[:, None]
-        solved = jnp.linalg.solve(inner, side)
+        solved = solve_positive(inner, side)
         return gram[p:, p:] - side.T @ solved, solved[:, q] * scale * keep
 
     schur, change = jax.vmap(eliminate)(gram, free)
@@ -85,19 +85,17 @@ def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
     return Linearised(k, free, jnp.maximum(total[q, q], 0), total[:q, q], total[:q, :q], gram)
 
 
-@jax.custom_jvp
-def compressed_residual(u: Float[Array, "q"], problem: Problem) -> Float[Array, "q+1"]:
-    """A vector of q + 1 numbers with the norm, and the Gauss-Newton model, of the whole residual."""
-    return _compress(linearise(problem, u))[0] / problem.norm
+def compressed_residual(
+    u: Float[Array, "q"], problem: Problem
+) -> tuple[Float[Array, "q+1"], Linearised]:
+    """q + 1 numbers with the norm and the Gauss-Newton model of the whole residual; and that model.
 
-
-@compressed_residual.defjvp
-def _compressed_residual_jvp(
-    primals: tuple[Array, Problem], tangents: tuple[Array, Problem]
-) -> tuple[Array, Array]:
-    u, problem = primals
-    residual, jacobian = _compress(linearise(problem, u))
-    return residual / problem.norm, (jacobian / problem.norm) @ tangents[0]
+    Its derivative in u is the Jacobian that the data gave, not that of the eliminations above.
+    """
+    here = jax.lax.stop_gradient(u)
+    at = linearise(problem, here)
+    residual, jacobian = _compress(at)
+    return (residual + jacobian @ (u - here)) / problem.norm, at
 
 
 def _compress(at: Linearised) -> tuple[Float[Array, "q+1"], Float[Array, "q+1 q"]]:

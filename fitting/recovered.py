@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from diffshade.light.attenuation import QuadraticAttenuation
 from diffshade.reflectance.material import Material
@@ -29,8 +29,7 @@ class Recovery(eqx.Module):
         scale = self._scale(k, law)
         if law is None or scale is None:
             return self.model.with_linear(material, k), None
-        attenuated = jnp.array([name != "ka" for name in linear_names(material)])
-        k = jnp.where(attenuated, scale * k, k)
+        k = jnp.where(_attenuated(material, k), scale * k, k)
         return self.model.with_linear(material, k), QuadraticAttenuation(*law.constants(scale))
 
     def coefficients(self, k: Float[Array, "C p"], u: Float[Array, "q"]) -> dict[str, Numbers]:
@@ -56,6 +55,11 @@ class Recovery(eqx.Module):
             return None
         if self.model.scaled:
             return jnp.ones_like(law.gain)
-        bound = [name != "ka" for name in linear_names(self.model.material)]
-        shares = jnp.where(jnp.array(bound) & jnp.isfinite(self.upper), k / self.upper, 0)
+        attenuated = _attenuated(self.model.material, k)
+        shares = jnp.where(attenuated & jnp.isfinite(self.upper), k / self.upper, 0)
         return law.natural_scale(self.nearest, jnp.max(shares))
+
+
+def _attenuated(material: Material, k: Float[Array, "C p"]) -> Bool[Array, "C p"]:
+    """Which linear coefficients an attenuation multiplies: all but k_a."""
+    return jnp.broadcast_to(jnp.array([name != "ka" for name in linear_names(material)]), k.shape)

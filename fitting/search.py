@@ -68,11 +68,16 @@ def _refine(
     tolerance = eps**0.5 if u.dtype == jnp.float64 else 100 * eps
     solver = BoundedLevenbergMarquardt(tolerance, tolerance, lower, upper)
     solution: optx.Solution = optx.least_squares(
-        compressed_residual, solver, u, args=problem, max_steps=MAX_STEPS, throw=False
+        compressed_residual,
+        solver,
+        u,
+        args=problem,
+        has_aux=True,
+        max_steps=MAX_STEPS,
+        throw=False,
     )
     converged = jnp.asarray(solution.result == optx.RESULTS.successful)
-    at = linearise(problem, solution.value)
-    return solution.value, at, solution.stats["num_steps"], converged
+    return solution.value, solution.aux, solution.stats["num_steps"], converged
 
 
 _linearise = jax.jit(linearise)

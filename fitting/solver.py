@@ -14,6 +14,8 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree, Scalar
 
+from fitting.linear import solve_positive
+
 __all__ = ["BoundedLevenbergMarquardt"]
 
 Vector = Float[Array, "q"]
@@ -61,7 +63,7 @@ class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
             free = (~held).astype(y.dtype)
             matrix = damped * jnp.outer(free, free) + jnp.diag(1 - free)
             right = -(gradient + hessian @ at) * scale * free
-            move = jnp.where(held, at, jnp.linalg.solve(matrix, right) * scale)
+            move = jnp.where(held, at, solve_positive(matrix, right) * scale)
             beyond = ~held & ((y + move < self.lower) | (y + move > self.upper))
             at = jnp.where(beyond, jnp.clip(y + move, self.lower, self.upper) - y, at)
             held = held | beyond
@@ -70,7 +72,11 @@ class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
 
 
 class _TrustRegion(optx.ClassicalTrustRegion):
-    """A trust region that starts wide: 1 / step_size is the damping."""
+    """A trust region that starts wide, 1 / step_size being the damping, and ends at rounding.
+
+    A step whose loss differs from the last by no more than rounding is accepted, with a smaller one
+    to follow: otherwise a search that has arrived would reject its own noise until its steps run out.
+    """
 
     first_step_size: float = 100.0
 
@@ -78,6 +84,22 @@ class _TrustRegion(optx.ClassicalTrustRegion):
         state = super().init(y, f_info_struct)
         first = jnp.asarray(self.first_step_size, y.dtype)
         return eqx.tree_at(lambda s: s.step_size, state, first)
+
+    def step(
+        self,
+        first_step: Any,
+        y: PyTree,
+        y_eval: PyTree,
+        f_info: Any,
+        f_eval_info: Any,
+        state: Any,
+    ) -> Any:
+        step_size, accept, result, state = super().step(
+            first_step, y, y_eval, f_info, f_eval_info, state
+        )
+        loss, loss_eval = f_info.as_min(), f_eval_info.as_min()
+        rounding = 16 * jnp.finfo(loss.dtype).eps * loss
+        return step_size, accept | (loss_eval <= loss + rounding), result, state
 
 
 class BoundedLevenbergMarquardt(optx.AbstractGaussNewton):

@@ -77,7 +77,10 @@ def propagate(
         for k in np.flatnonzero(along.any(axis=0)):
             moved[k].append(name)
     blind = tuple(dict.fromkeys(tuple(names) for names in moved if names))
-    errors = {name: sigma * error for name, error in unit.items()}
+    errors = {
+        name: np.where(np.isinf(error), np.inf, sigma * np.where(np.isinf(error), 0, error))
+        for name, error in unit.items()
+    }
     return Uncertainty(errors, unit, blind, sigma)
 
 

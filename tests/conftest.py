@@ -1,7 +1,7 @@
 """How every test runs: strictly, in float64 unless the float32 pass is asked for, with printed seeds.
 
-    python -m pytest                   everything, float64
-    python -m pytest --precision 32    the tests that hold in float32
+python -m pytest                   everything, float64
+python -m pytest --precision 32    the tests that hold in float32
 """
 
 import os

@@ -1,0 +1,120 @@
+"""`capture.toml`: photographs, and the geometry, camera and lights they were taken with.
+
+Nothing is divided: intensities and I_a are part of the model. An image without its own word on
+encoding needs `encoding` here. `attenuation = { kind = "quadratic" }` without numbers asks for one
+set of constants to be fitted for all point lights, so all of them say so, or none.
+"""
+
+from pathlib import Path
+
+from diffshade.errors import BadInput
+from diffshade.io.capture import Capture, assemble
+from diffshade.io.encoding import decode
+from diffshade.io.folder_geometry import read_mask_of
+from diffshade.io.foreground import lost_pixels
+from diffshade.io.normals_file import NormalMap
+from diffshade.io.photographs import read_photographs, size
+from diffshade.io.toml_document import Table, read_toml
+from diffshade.io.toml_tables import (
+    asks_for_fit,
+    channel_count,
+    read_light,
+    read_view,
+    refuse_near_lights,
+    view_through,
+)
+
+__all__ = ["SCHEMA", "read_capture_toml"]
+
+SCHEMA = "diffshade.capture/1"
+
+
+def read_capture_toml(
+    path: Path, *, white: float | None = None, encoding: str | float | None = None
+) -> Capture:
+    """Read a `capture.toml`; options as `read_capture`. Raises `BadInput`."""
+    from diffshade.light.attenuation import QuadraticAttenuation
+    from diffshade.scene import Scene
+
+    top = read_toml(path)
+    top.choice("schema", (SCHEMA,))
+    top.expect(("schema", "geometry", "image"), ("encoding", "mask", "ambient", "camera"))
+    stated = _encoding(top)
+    ambient = top.per_channel("ambient") if "ambient" in top else None
+    entries = top.tables("image", "image")
+    if not entries:
+        top.fail("there is no [[image]]; give at least one")
+    lights = [_lights(entry, lit=ambient is not None) for entry in entries]
+    fitted = _fitted([light for of_image in lights for light in of_image])
+    scenes = [
+        Scene(ambient=ambient, lights=tuple(map(read_light, of_image))) for of_image in lights
+    ]
+
+    geometry, camera = read_view(top)
+    refuse_near_lights(geometry, [light for of_image in lights for light in of_image])
+
+    names = [entry.text("file") for entry in entries]
+    first = path.parent / names[0]
+    photographs = read_photographs(
+        path.parent, names, encoding=stated if encoding is None else encoding, white=white
+    )
+    height, width, channels = photographs[0].encoded.shape
+    channel_count(top, "ambient", channels)
+    for of_image in lights:
+        for light in of_image:
+            channel_count(light, "intensity", channels)
+    if camera is not None and (camera.height, camera.width) != (height, width):
+        top.fail(
+            f"the camera has {camera.width} x {camera.height} pixels where {first} is"
+            f" {size(photographs[0].encoded)}; both must have one size"
+        )
+    mask = None
+    if "mask" in top:
+        mask = read_mask_of(top.file("mask"), first, (height, width))
+    if isinstance(geometry, NormalMap) and geometry.normal.shape[:2] != (height, width):
+        raise BadInput(
+            f"{geometry.path}: {size(geometry.normal[..., 0])} where {first} is"
+            f" {size(photographs[0].encoded)}; both must have one size"
+        )
+    gbuffer = view_through(geometry, camera, path, mask=mask)
+    return assemble(
+        photographs,
+        gbuffer,
+        scenes,
+        fit_attenuation=QuadraticAttenuation if fitted else None,
+        notes=lost_pixels(mask, gbuffer),
+    )
+
+
+def _encoding(top: Table) -> str | float | None:
+    if "encoding" not in top:
+        return None
+    encoding = top.values["encoding"]
+    try:
+        decode([0.0], encoding)
+    except BadInput as error:
+        top.fail(str(error))
+    return encoding
+
+
+def _lights(entry: Table, *, lit: bool) -> list[Table]:
+    entry.expect(("file", "lights"))
+    lights = entry.tables("lights", "light")
+    if not lights and not lit:
+        entry.fail("lights is empty and there is no ambient light; give one or the other")
+    return lights
+
+
+def _fitted(lights: list[Table]) -> bool:
+    """Whether the attenuation is to be fitted; then that of every point light is."""
+    asked = [light for light in lights if asks_for_fit(light)]
+    if not asked:
+        return False
+    for light in lights:
+        if light.values.get("kind") == "point" and not asks_for_fit(light):
+            light.fail(
+                f"its attenuation is known where that of {asked[0].place} is to be fitted, and one"
+                ' set is fitted for all point lights; give every one { kind = "quadratic" }, or'
+                " every one its numbers"
+            )
+    return True

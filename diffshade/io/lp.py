@@ -1,0 +1,81 @@
+"""RTI light-position files (`.lp`): a count, then `filename x y z` a line.
+
+Axes: x right, y up, z to the camera. The last three words of a line are the direction to the light,
+so names may hold spaces, and Windows paths: an image is looked for beside the `.lp` file by its
+base name, in any case of letters. The format has no intensities: all are 1, as is I_a. Geometry
+stands in the same folder, see `folder_geometry`.
+"""
+
+from pathlib import Path, PureWindowsPath
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from diffshade.errors import BadInput
+from diffshade.io.capture import Capture, assemble
+from diffshade.io.divided_scene import divided_scene
+from diffshade.io.folder_geometry import folder_geometry
+from diffshade.io.photographs import read_photographs
+from diffshade.io.text_rows import direction, lines, numbers
+
+__all__ = ["LightPositions", "parse_lp", "read_lp"]
+
+
+class LightPositions(NamedTuple):
+    """What an `.lp` file says: images beside it, a unit vector towards the light of each, and notes."""
+
+    images: list[str]
+    directions: list[Float[np.ndarray, "3"]]
+    notes: tuple[str, ...]
+
+
+def read_lp(
+    path: Path,
+    *,
+    white: float | None = None,
+    circle: tuple[float, float, float] | None = None,
+    encoding: str | float | None = None,
+) -> Capture:
+    """Read the capture of an `.lp` file; options as `read_capture`. Raises `BadInput`."""
+    images, directions, notes = parse_lp(path)
+    photographs = read_photographs(path.parent, images, encoding=encoding, white=white)
+    height, width = photographs[0].encoded.shape[:2]
+    gbuffer, geometry_notes = folder_geometry(
+        path.parent, path.parent / images[0], (height, width), circle
+    )
+    scenes = [divided_scene(d) for d in directions]
+    return assemble(photographs, gbuffer, scenes, notes=(*notes, *geometry_notes))
+
+
+def parse_lp(path: Path) -> LightPositions:
+    """The images and lights of an `.lp` file. A wrong count is noted, not refused."""
+    content = lines(path)
+    notes: tuple[str, ...] = ()
+    stated = content[0][1] if content else ""
+    if stated.isdecimal():
+        content = content[1:]
+        if int(stated) != len(content):
+            notes = (
+                f"{path.name}: states {stated} images and lists {len(content)}: all listed read",
+            )
+    elif content:
+        notes = (f"{path.name}: its first line is not a count: every line was read as an image",)
+    if not content:
+        raise BadInput(f"{path}: lists no image; give a count, then 'filename x y z' a line")
+    # Later names win among those that differ in case only; those are told apart by exact case.
+    beside = {file.name.lower(): file for file in sorted(path.parent.iterdir())}
+    images, directions = [], []
+    for number, line in content:
+        where = f"{path}, line {number}"
+        words = line.rsplit(maxsplit=3)
+        if len(words) < 4:
+            raise BadInput(f"{where}: {line!r} is not 'filename x y z'; correct the line")
+        name = PureWindowsPath(words[0].strip("\"'")).name
+        exact = path.parent / name
+        image = exact if exact.is_file() else beside.get(name.lower())
+        if image is None:
+            raise BadInput(f"{where}: there is no {name} beside it; copy the image there")
+        images.append(image.name)
+        directions.append(direction(numbers(words[1:], where), where))
+    return LightPositions(images, directions, notes)

@@ -1,0 +1,153 @@
+"""`scene.toml`: what `diffshade render` draws.
+
+    geometry = { kind = "sphere", center = [0, 0, 0], radius = 1.0 }
+    camera   = { kind = "orthographic", width = 256, height = 256, extent = 2.2 }
+    ambient  = [0.1, 0.1, 0.1]                       # optional
+    shading  = "phong"                               # or "flat", "gouraud"; optional
+    lights   = [{ kind = "parallel", direction = [0, 0, 1], intensity = 1.0 }]
+    [material]                                       # optional for a mesh that has materials
+    ka = 0.1                                         # each term is optional: left out, it is absent
+    kd = [0.6, 0.3, 0.2]
+    [[material.specular]]
+    kind      = "phong"                              # or "blinn_phong"
+    ks        = 0.5
+    shininess = 32
+
+`od` and `os`, the object colours, stand beside `ka` and `kd`. `schema = "diffshade.scene/1"` may
+stand at the top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from diffshade.errors import BadInput
+from diffshade.io.toml_document import Table, read_toml
+from diffshade.io.toml_tables import (
+    asks_for_fit,
+    read_light,
+    read_view,
+    refuse_near_lights,
+    view_through,
+)
+
+if TYPE_CHECKING:
+    from diffshade.geometry.camera import AbstractCamera
+    from diffshade.geometry.frequency import AbstractFrequency
+    from diffshade.geometry.gbuffer import GBuffer
+    from diffshade.geometry.surface import AbstractSurface
+    from diffshade.io.normals_file import NormalMap
+    from diffshade.reflectance.lobe import AbstractLobe
+    from diffshade.reflectance.material import Material
+    from diffshade.scene import Scene
+
+__all__ = ["SCHEMA", "SceneFile", "read_scene_toml"]
+
+SCHEMA = "diffshade.scene/1"
+
+
+class SceneFile(NamedTuple):
+    """What a `scene.toml` holds. A map of normals may have no camera."""
+
+    geometry: AbstractSurface | NormalMap
+    camera: AbstractCamera | None
+    scene: Scene
+    material: Material | tuple[Material, ...]
+    """One, or those of a mesh's slots, as `ds.render` takes them."""
+    shading: AbstractFrequency | None
+    """None where the file does not say: once a pixel."""
+
+    def gbuffer(self, path: Path) -> GBuffer:
+        """The G-buffer to render; complaints name the file `path`."""
+        return view_through(self.geometry, self.camera, path, shading=self.shading)
+
+
+def read_scene_toml(path: Path) -> SceneFile:
+    """Read a `scene.toml`. Raises `BadInput`, in one line, for what is unknown, missing or wrong.
+
+    >>> file = read_scene_toml(path)
+    >>> image = ds.render(file.gbuffer(path), file.scene, file.material)
+    """
+    from diffshade.scene import Scene
+
+    top = read_toml(path)
+    top.expect(("geometry",), ("schema", "camera", "ambient", "lights", "material", "shading"))
+    if "schema" in top:
+        top.choice("schema", (SCHEMA,))
+    shading = _shading(top) if "shading" in top else None
+    lights = top.tables("lights", "light") if "lights" in top else []
+    for light in lights:
+        if asks_for_fit(light):
+            light.fail("its attenuation has no numbers, which is for a fit; give c0, c1 and c2")
+    ambient = top.per_channel("ambient") if "ambient" in top else None
+    if ambient is None and not lights:
+        top.fail("there is no light; give lights, ambient, or both")
+    material = _material(top.table("material")) if "material" in top else None
+    scene = Scene(ambient=ambient, lights=tuple(map(read_light, lights)))
+    _one_channel_count(top, lights)
+    geometry, camera = read_view(top)
+    refuse_near_lights(geometry, lights)
+    if material is None:
+        of_mesh: tuple[Material, ...] = getattr(geometry, "materials", ())
+        if not of_mesh:
+            top.fail('the key "material" is missing; only a mesh with materials needs none')
+        return SceneFile(geometry, camera, scene, of_mesh, shading)
+    return SceneFile(geometry, camera, scene, material, shading)
+
+
+def _shading(top: Table) -> AbstractFrequency:
+    from diffshade.geometry.frequency import FlatShading, GouraudShading, PhongShading
+
+    kinds: dict[str, Callable[[], AbstractFrequency]] = {
+        "phong": PhongShading,
+        "flat": FlatShading,
+        "gouraud": GouraudShading,
+    }
+    return kinds[top.choice("shading", kinds)]()
+
+
+def _material(table: Table) -> Material:
+    from diffshade.reflectance.material import Material
+
+    coefficients = ("ka", "kd", "od", "os")
+    table.expect((), (*coefficients, "specular"))
+    if not {"ka", "kd", "specular"} & set(table.values):
+        table.fail("it has no term; give ka, kd or specular")
+    lobes: tuple[AbstractLobe, ...] = ()
+    if "specular" in table:
+        lobes = tuple(map(_lobe, table.tables("specular", "lobe")))
+    given: dict[str, Any] = {k: table.per_channel(k) for k in coefficients if k in table}
+    return Material(**given, specular=lobes)
+
+
+def _lobe(table: Table) -> AbstractLobe:
+    from diffshade.reflectance.blinn_phong import BlinnPhong
+    from diffshade.reflectance.phong import Phong
+
+    kinds: dict[str, type[Phong] | type[BlinnPhong]] = {
+        kind.kind: kind for kind in (Phong, BlinnPhong)
+    }
+    kind = kinds[table.choice("kind", kinds)]
+    table.expect(("kind", "ks", "shininess"))
+    return kind(table.per_channel("ks"), table.per_channel("shininess"))
+
+
+def _one_channel_count(top: Table, lights: list[Table]) -> None:
+    """Refuse lists of different lengths: one number a channel of one image."""
+    tables = [(top, "ambient"), *((light, "intensity") for light in lights)]
+    if "material" in top:
+        material = top.table("material")
+        tables += [(material, key) for key in ("ka", "kd", "od", "os")]
+        if "specular" in material:
+            for lobe in material.tables("specular", "lobe"):
+                tables += [(lobe, "ks"), (lobe, "shininess")]
+    counts = {}
+    for table, key in tables:
+        value = table.values.get(key)
+        if isinstance(value, list) and len(value) > 1:
+            counts[len(value)] = f"{table.place}: {key}" if table.place else key
+    if len(counts) > 1:
+        said = " and ".join(f"{where} has {count} numbers" for count, where in counts.items())
+        raise BadInput(f"{top.path}: {said}; give one number, or one for each channel")

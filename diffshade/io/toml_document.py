@@ -1,0 +1,151 @@
+"""TOML files read strictly: complaints name the file, the place, what is wrong and the choices."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any, NoReturn
+
+from diffshade.errors import BadInput
+
+__all__ = ["Table", "read_toml"]
+
+
+def read_toml(path: Path) -> Table:
+    """The top table of a TOML file; raises `BadInput` for what is not there or not TOML."""
+    try:
+        with path.open("rb") as file:
+            return Table(path, "", tomllib.load(file))
+    except FileNotFoundError:
+        raise BadInput(f"{path}: there is no such file; check the path") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except UnicodeDecodeError:
+        raise BadInput(f"{path}: this is not a text file; save it as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        detail = " ".join(str(error).split())
+        raise BadInput(f"{path}: is not valid TOML: {detail}; correct it") from None
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table, and where it stands: `place` is empty at the top, else such as "image 2, light 1".
+
+    Each reader of a key raises `BadInput` where the value has the wrong type or is out of range;
+    `expect` says which keys there may be. Numbers are typed `Any`: they go to field converters,
+    which type checkers do not see.
+    """
+
+    path: Path
+    place: str
+    values: Mapping[str, Any]
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.values
+
+    def fail(self, complaint: str) -> NoReturn:
+        """Raise `BadInput` for this table."""
+        place = f"{self.place}: " if self.place else ""
+        raise BadInput(f"{self.path}: {place}{complaint}")
+
+    def expect(self, required: Iterable[str], optional: Iterable[str] = ()) -> None:
+        """Refuse unknown keys, then missing ones."""
+        required = tuple(required)
+        known = (*required, *optional)
+        for key in self.values:
+            if key not in known:
+                self.fail(f'unknown key "{key}"; the keys here are {", ".join(known)}')
+        for key in required:
+            if key not in self.values:
+                self.fail(f'the key "{key}" is missing; the keys here are {", ".join(known)}')
+
+    def text(self, key: str) -> str:
+        """A string."""
+        value = self.values[key]
+        return value if isinstance(value, str) else self._wrong(key, "a text in quotes")
+
+    def choice(self, key: str, choices: Iterable[str]) -> str:
+        """One of several strings; the key has to be there."""
+        quoted = ", ".join(f'"{name}"' for name in choices)
+        if key not in self.values:
+            self.fail(f'the key "{key}" is missing; give one of {quoted}')
+        value = self.values[key]
+        return value if value in choices else self._wrong(key, f"one of {quoted}")
+
+    def whole(self, key: str) -> int:
+        """A whole number of at least 1."""
+        value = self.values[key]
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            self._wrong(key, "a whole number of at least 1")
+        return value
+
+    def number(self, key: str, *, least: float | None = None, above: float | None = None) -> Any:
+        """A finite number, at least `least` or above `above`."""
+        value = self.values[key]
+        if not _in_range(value, least, above):
+            self._wrong(key, f"a number{_range(least, above)}")
+        return float(value)
+
+    def vector(self, key: str) -> Any:
+        """Three finite numbers."""
+        value = self.values[key]
+        if not isinstance(value, list) or len(value) != 3 or not all(map(_in_range, value)):
+            self._wrong(key, "three numbers [x, y, z]")
+        return tuple(map(float, value))
+
+    def per_channel(self, key: str, *, above: float | None = None) -> Any:
+        """A number for all channels or a list with one each, of at least 0, or above `above`."""
+        value = self.values[key]
+        least = 0.0 if above is None else None
+        each = value if isinstance(value, list) else [value]
+        if not each or not all(_in_range(x, least, above) for x in each):
+            self._wrong(key, f"a number{_range(least, above)}, or a list with one a channel")
+        return tuple(map(float, value)) if isinstance(value, list) else float(value)
+
+    def file(self, key: str) -> Path:
+        """A path, relative to the folder of this file."""
+        return self.path.parent / self.text(key)
+
+    def table(self, key: str) -> Table:
+        """A table inside this one."""
+        value = self.values[key]
+        if not isinstance(value, dict):
+            self._wrong(key, "a table, such as { kind = ... }")
+        return Table(self.path, self._inside(key), value)
+
+    def tables(self, key: str, called: str) -> list[Table]:
+        """A list of tables, each `called` so and numbered from 1."""
+        value = self.values[key]
+        if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
+            self._wrong(key, "a list of tables, [{ ... }, { ... }]")
+        return [
+            Table(self.path, self._inside(f"{called} {number}"), entry)
+            for number, entry in enumerate(value, 1)
+        ]
+
+    def _inside(self, name: str) -> str:
+        return f"{self.place}, {name}" if self.place else name
+
+    def _wrong(self, key: str, wanted: str) -> NoReturn:
+        given = " ".join(repr(self.values[key]).split())
+        given = given if len(given) <= 60 else f"{given[:57]}..."
+        self.fail(f"{key} is {given}; give {wanted}")
+
+
+def _in_range(value: Any, least: float | None = None, above: float | None = None) -> bool:
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and isfinite(value)
+        and (least is None or value >= least)
+        and (above is None or value > above)
+    )
+
+
+def _range(least: float | None, above: float | None) -> str:
+    if above is not None:
+        return f" above {above:g}"
+    return "" if least is None else f" of at least {least:g}"

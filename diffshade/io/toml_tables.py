@@ -1,0 +1,182 @@
+"""The tables that `capture.toml` and `scene.toml` share: geometry, camera and lights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool
+
+from diffshade.errors import BadInput
+from diffshade.io.foreground import masked_gbuffer
+from diffshade.io.normals_file import NormalMap, normals_gbuffer, read_normals
+from diffshade.io.toml_document import Table
+
+if TYPE_CHECKING:
+    from diffshade.geometry.camera import AbstractCamera
+    from diffshade.geometry.frequency import AbstractFrequency
+    from diffshade.geometry.gbuffer import GBuffer
+    from diffshade.geometry.surface import AbstractSurface
+    from diffshade.light.attenuation import AbstractAttenuation
+    from diffshade.light.base import AbstractLight
+
+__all__ = [
+    "asks_for_fit",
+    "channel_count",
+    "read_light",
+    "read_view",
+    "refuse_near_lights",
+    "view_through",
+]
+
+Mask = Bool[np.ndarray, "H W"]
+
+
+def read_view(top: Table) -> tuple[AbstractSurface | NormalMap, AbstractCamera | None]:
+    """The `geometry` and the `camera` of a file; normals over an image may do without camera."""
+    geometry = _geometry(top.table("geometry"))
+    if "camera" in top:
+        return geometry, _camera(top.table("camera"))
+    if not isinstance(geometry, NormalMap):
+        top.fail('the key "camera" is missing; only geometry of kind "normals" needs none')
+    return geometry, None
+
+
+def read_light(table: Table) -> AbstractLight:
+    """`{ kind = "point" | "parallel", intensity, ... }`.
+
+    A light that `asks_for_fit` gets f = 1, where the fit of the constants starts.
+    """
+    from diffshade.light.parallel import ParallelLight
+    from diffshade.light.point import PointLight
+
+    if table.choice("kind", ("point", "parallel")) == "point":
+        table.expect(("kind", "position", "intensity"), ("attenuation",))
+        attenuation = None
+        if "attenuation" in table:
+            attenuation = _attenuation(table.table("attenuation"))
+        return PointLight(table.vector("position"), table.per_channel("intensity"), attenuation)
+    table.expect(("kind", "direction", "intensity"))
+    direction = table.vector("direction")
+    if not any(direction):
+        table.fail("direction is zero; give the direction from the surface to the light")
+    return ParallelLight(direction, table.per_channel("intensity"))
+
+
+def asks_for_fit(light: Table) -> bool:
+    """Whether a light's attenuation is `{ kind = "quadratic" }`, without numbers."""
+    return light.values.get("attenuation") == {"kind": "quadratic"}
+
+
+def channel_count(table: Table, key: str, images: int) -> None:
+    """Refuse a list of numbers that has not one for each channel of the images."""
+    value = table.values.get(key)
+    if isinstance(value, list) and len(value) not in (1, images):
+        table.fail(
+            f"{key} has {len(value)} numbers where the images have {images} channels;"
+            f" give one number, or {images}"
+        )
+
+
+def refuse_near_lights(geometry: AbstractSurface | NormalMap, lights: list[Table]) -> None:
+    """Refuse point lights on a map of normals that has no positions."""
+    for light in lights:
+        if isinstance(geometry, NormalMap) and geometry.position is None and "position" in light:
+            light.fail(
+                f"a point light needs positions, and {geometry.path.name} holds normals only; give"
+                " an .npz with position, or parallel lights"
+            )
+
+
+def view_through(
+    geometry: AbstractSurface | NormalMap,
+    camera: AbstractCamera | None,
+    path: Path,
+    *,
+    mask: Mask | None = None,
+    shading: AbstractFrequency | None = None,
+) -> GBuffer:
+    """The G-buffer of what the camera of the file `path` sees inside a mask."""
+    from diffshade.geometry.frequency import PhongShading
+
+    if not isinstance(geometry, NormalMap):
+        assert camera is not None
+        try:
+            return masked_gbuffer(geometry, camera, mask, shading=shading)
+        except BadInput as error:
+            raise BadInput(f"{path}: {error}") from None
+    if not isinstance(shading, PhongShading | None):
+        raise BadInput(f"{path}: a map of normals has no faces; leave out shading, or use a mesh")
+    if camera is None:
+        return normals_gbuffer(geometry, mask)
+    height, width = geometry.normal.shape[:2]
+    if (height, width) != (camera.height, camera.width):
+        raise BadInput(
+            f"{geometry.path}: {width} x {height} pixels where the camera of {path} has"
+            f" {camera.width} x {camera.height}; both must have one size"
+        )
+    return normals_gbuffer(geometry, mask, camera.viewer)
+
+
+def _geometry(table: Table) -> AbstractSurface | NormalMap:
+    """`{ kind = "sphere" | "mesh" | "normals", ... }`; files stand relative to the TOML file."""
+    match table.choice("kind", ("sphere", "mesh", "normals")):
+        case "sphere":
+            from diffshade.geometry.sphere import Sphere
+
+            table.expect(("kind", "center", "radius"))
+            return Sphere(table.vector("center"), table.number("radius", above=0.0))
+        case "mesh":
+            from diffshade.geometry.mesh_file import load_mesh
+
+            table.expect(("kind", "file"))
+            return load_mesh(table.file("file"))
+        case _:
+            table.expect(("kind", "file"))
+            return read_normals(table.file("file"))
+
+
+def _camera(table: Table) -> AbstractCamera:
+    """`{ kind = "orthographic" | "perspective", width, height, ... }`."""
+    from diffshade.geometry.camera import OrthographicCamera, PerspectiveCamera
+
+    kind = table.choice("kind", ("orthographic", "perspective"))
+    pose = ("position", "target", "up")
+    if kind == "orthographic":
+        table.expect(("kind", "width", "height", "extent"), pose)
+    else:
+        table.expect(("kind", "width", "height", "fov", "position"), ("target", "up"))
+    given: dict[str, Any] = {key: table.vector(key) for key in pose if key in table}
+    size = table.whole("width"), table.whole("height")
+    camera: AbstractCamera
+    if kind == "orthographic":
+        camera = OrthographicCamera(*size, table.number("extent", above=0.0), **given)
+    else:
+        camera = PerspectiveCamera(*size, table.number("fov", above=0.0), **given)
+    try:
+        camera.check()
+    except BadInput as error:
+        table.fail(str(error))
+    return camera
+
+
+def _attenuation(table: Table) -> AbstractAttenuation:
+    from diffshade.light import attenuation as f
+
+    match table.choice("kind", ("quadratic", "linear", "inverse_square", "exponential")):
+        case "quadratic":
+            constants: dict[str, Any] = {"c0": 1.0}
+            if set(table.values) != {"kind"}:
+                table.expect(("kind", "c0"), ("c1", "c2"))
+                constants = {c: table.number(c, least=0.0) for c in table.values if c != "kind"}
+            return f.QuadraticAttenuation(**constants)
+        case "linear":
+            table.expect(("kind", "c0", "c1"))
+            return f.LinearAttenuation(table.number("c0", least=0.0), table.number("c1", least=0.0))
+        case "inverse_square":
+            table.expect(("kind",))
+            return f.InverseSquare()
+        case _:
+            table.expect(("kind", "a"))
+            return f.ExponentialAttenuation(table.number("a", least=0.0))

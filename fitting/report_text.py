@@ -1,0 +1,161 @@
+"""Fits and evaluations for people to read: aligned tables, in plain ASCII, from the JSON documents."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from fitting.report_rows import Row, attenuation_rows, material_rows, reference_rows
+
+__all__ = ["evaluation_report", "fit_report", "table", "truth_table", "uncertain"]
+
+Document = Mapping[str, Any]
+
+WIDTH = 100
+FEW = 12
+"""Images that get a row each; of more, the worst and the best are named."""
+
+
+def fit_report(document: Document, *, truth: Document | None = None) -> str:
+    """Coefficients with standard errors, what is not to be trusted and why, and the residual.
+
+    With the `truth`, named as in truth.json, the coefficients stand beside it.
+    """
+    attenuation = document["coefficients"]["attenuation"]
+    law = "attenuation f(d) = 1 / (c0 + c1 d + c2 d^2)" if attenuation else ""
+    if truth is None:
+        sections = [f"model {document['model']}", _rows_table(material_rows(document))]
+        sections += [law, _rows_table(attenuation_rows(document))] if attenuation else []
+    else:
+        with_law = f"model {document['model']}{', ' * bool(law)}{law}"
+        sections = [with_law, truth_table(truth, document)]
+    if attenuation is not None:
+        sections += [
+            f"as measured, at the reference distance d0 = {attenuation['reference_distance']:.4g},"
+            " f(d) = f(d0) / (l0 + l1 d/d0 + l2 (d/d0)^2)",
+            _rows_table(reference_rows(document)),
+        ]
+    sections.append(
+        _wrapped(
+            "The standard errors (+/-) are those of independent noise as large as the residual;"
+            " what the model leaves out comes on top of them."
+        )
+    )
+    sections += [
+        _wrapped(f"not identified: {', '.join(item['coefficients'])}: {item['reason']}")
+        for item in document["unidentified"]
+    ]
+    sections += [_residual(document), _notes(document)]
+    if not document["converged"]:
+        sections.append("THE SEARCH DID NOT CONVERGE: these numbers are not a minimum.")
+    return "\n\n".join(filter(None, sections))
+
+
+def evaluation_report(document: Document) -> str:
+    """The residual over all images, and how it differs among them."""
+    return "\n\n".join(filter(None, [_residual(document), _notes(document)]))
+
+
+def truth_table(truth: Document, document: Document) -> str:
+    """True coefficients (named as in truth.json) beside the recovered ones."""
+    lines = [("", "", "truth", "recovered", "", "difference", "in std. errors")]
+    for row in (*material_rows(document), *attenuation_rows(document)):
+        true = truth[row.name] if row.name in truth else truth["attenuation"][row.name]
+        trues = true if isinstance(true, list) else [true] * len(row.values)
+        each = zip(_channels(len(row.values)), trues, row.values, row.errors, strict=True)
+        for channel, known, value, error in each:
+            number, spread = uncertain(value, error, row.note)
+            difference = value - known
+            relative = f"{100 * difference / known:+.4f} %" if known else f"{difference:+.2g}"
+            in_errors = f"{difference / error:+.1f}" if error and not row.note else ""
+            lines.append((row.name, channel, f"{known:g}", number, spread, relative, in_errors))
+    return table(lines, "<<>><>>")
+
+
+def uncertain(value: float | None, error: float | None, note: str = "") -> tuple[str, str]:
+    """A value and its standard error to the same decimal, the error with two digits."""
+    if value is None:
+        return "not finite", ""
+    if error is None or note:
+        return f"{value:.6g}", f"({note or 'error unknown'})"
+    if error <= 1e-10 * abs(value) or error < 1e-12:
+        return f"{value:.10g}", f"+/- {error:.0e}"
+    decimals = max(0, 1 - math.floor(math.log10(error)))
+    return f"{value:.{decimals}f}", f"+/- {error:.{decimals}f}"
+
+
+def table(rows: Sequence[Sequence[str]], align: str) -> str:
+    """Columns of equal width, each flush left ("<") or right (">"); the one after ">" sticks to it
+    if it is flush left, as an error to its value."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    gaps = [" " if pair == "><" else "   " for pair in map("".join, pairwise(align))] + [""]
+    return "\n".join(
+        "".join(
+            f"{c:{a}{w}}{g}" for c, a, w, g in zip(row, align, widths, gaps, strict=True)
+        ).rstrip()
+        for row in rows
+    )
+
+
+def _rows_table(rows: Sequence[Row]) -> str:
+    """A line a coefficient, a value with its error a channel."""
+    count = max((len(row.values) for row in rows), default=0)
+    lines = []
+    if count > 1:
+        lines.append(["", *(text for channel in _channels(count) for text in (channel, ""))])
+    for row in rows:
+        pairs = zip(row.values, row.errors, strict=True)
+        cells = [text for value, error in pairs for text in uncertain(value, error, row.note)]
+        lines.append([row.name, *cells, *[""] * (2 * count - len(cells))])
+    return table(lines, "<" + "><" * count)
+
+
+def _channels(count: int) -> list[str]:
+    if count == 1:
+        return [""]
+    return ["red", "green", "blue"] if count == 3 else [f"channel {c + 1}" for c in range(count)]
+
+
+def _residual(document: Document) -> str:
+    rows = document["per_image"]
+    left_out = sum(row["pixels_clipped"] for row in rows)
+    whole = (
+        f"relative residual {_share(document['relative_residual'])} of {len(rows)}"
+        f" image{'s' * (len(rows) > 1)}; {100 * document['fraction_excluded']:.3g} % of the object's"
+        f" pixels left out ({left_out} clipped)"
+    )
+    if len(rows) <= FEW:
+        return f"{whole}\n{_each_image(rows)}"
+    ordered = sorted(rows, key=lambda row: row["relative_residual"] or 0.0)
+    return f"{whole}\nthe best and the worst images:\n{_each_image([*ordered[:2], *ordered[-3:]])}"
+
+
+def _each_image(rows: Sequence[Document]) -> str:
+    lines = [("image", "residual", "pixels used", "clipped")]
+    lines += [
+        (
+            row["file"],
+            _share(row["relative_residual"]),
+            f"{row['pixels_used']}",
+            f"{row['pixels_clipped']}",
+        )
+        for row in rows
+    ]
+    return table(lines, "<>>>")
+
+
+def _share(value: float | None) -> str:
+    return "not finite" if value is None else f"{value:.4f}"
+
+
+def _notes(document: Document) -> str:
+    return "\n".join(_wrapped(f"note: {note}") for note in document["notes"])
+
+
+def _wrapped(text: str) -> str:
+    return textwrap.fill(
+        text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )

@@ -1,0 +1,521 @@
+"""The command line as a user meets it: results, files, exit statuses, and one line for bad input."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diffshade.cli import run
+from diffshade.commands import settings
+from diffshade.io.image import read_image, write_png
+from tests.shared import shared_data
+
+SIZE = 40
+KA, KD, KS, SHININESS = (0.1, 0.05, 0.02), (0.5, 0.3, 0.1), 0.3, 20.0
+LIGHTS = ((0.4, 0.5, 1.0), (-0.6, 0.1, 1.0))
+HEAD = f"""schema = "diffshade.capture/1"
+encoding = "linear"
+ambient = 1.0
+geometry = {{ kind = "sphere", center = [0, 0, 0], radius = 1.0 }}
+camera = {{ kind = "orthographic", width = {SIZE}, height = {SIZE}, extent = 2.2 }}
+"""
+
+
+def light(direction: tuple[float, ...]) -> str:
+    return f'{{ kind = "parallel", direction = {list(direction)}, intensity = 1.0 }}'
+
+
+def image_entry(file: str, *lights: str) -> str:
+    return f'[[image]]\nfile = "{file}"\nlights = [{", ".join(lights)}]\n'
+
+
+def scene(direction: tuple[float, ...], **parts: str) -> str:
+    """A scene.toml under one light; `parts` replaces whole lines."""
+    lines = dict(line.split(" = ", 1) for line in HEAD.splitlines()[2:])
+    lines |= {"lights": f"[{light(direction)}]"}
+    material = f"ka = {list(KA)}, kd = {list(KD)}, specular = [{{ kind = 'phong', ks = {KS}"
+    lines["material"] = f"{{ {material}, shininess = {SHININESS} }}] }}"
+    return "".join(f"{key} = {value}\n" for key, value in (lines | parts).items())
+
+
+def program(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`python -m diffshade` in a process of its own."""
+    command = [sys.executable, "-m", "diffshade", *map(str, arguments)]
+    root = Path(__file__).parents[1]
+    path = os.pathsep.join(filter(None, [str(root), os.environ.get("PYTHONPATH")]))
+    return subprocess.run(
+        command,
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def strict_json(text: str) -> dict:
+    """JSON as the standard has it: no NaN, no Infinity."""
+
+    def refuse(constant: str) -> float:
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def shape(value: object, *, numbers: bool = True) -> object:
+    """What stays of a document when its numbers, and the nulls in their place, are taken out."""
+    if isinstance(value, dict):
+        return {key: shape(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [shape(entry) for entry in value]
+    return value if isinstance(value, str) else None
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A folder for compiled programs, so that tests leave none in the user's."""
+    return str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small ball under two lights, rendered by the command line itself, in 16 bits."""
+    folder = tmp_path_factory.mktemp("capture")
+    for k, direction in enumerate(LIGHTS):
+        (folder / "scene.toml").write_text(scene(direction))
+        assert run(["render", str(folder / "scene.toml"), "--out", str(folder / "image.npy")]) == 0
+        write_png(folder / f"{k}.png", np.clip(np.load(folder / "image.npy"), 0, 1), bits=16)
+    entries = (image_entry(f"{k}.png", light(direction)) for k, direction in enumerate(LIGHTS))
+    (folder / "capture.toml").write_text(HEAD + "".join(entries))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `fit --out` writes for it."""
+    folder = tmp_path_factory.mktemp("results") / "new" / "folder"
+    assert run(["fit", str(capture), "--out", str(folder)]) == 0
+    return folder
+
+
+# Help, and wrong usage
+
+
+@pytest.mark.parametrize("command", [(), ("demo",), ("render",), ("fit",), ("evaluate",)])
+def test_help_needs_no_jax(command: tuple[str, ...]) -> None:
+    code = (
+        "import sys; from diffshade.cli import run; status = run(sys.argv[1:]);"
+        " heavy = {'jax', 'numpy', 'equinox', 'matplotlib'} & set(sys.modules);"
+        " sys.exit(f'imported {heavy}' if heavy else status)"
+    )
+    root = Path(__file__).parents[1]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *command, "--help"],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: diffshade")
+    assert not done.stderr
+
+
+def test_the_program_answers_help(cache: str) -> None:
+    done = program("--help", XDG_CACHE_HOME=cache)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(command in done.stdout for command in ("demo", "render", "fit", "evaluate"))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "",
+        "paint",
+        "fit",
+        "fit x --bogus",
+        "fit x --model ward",
+        "fit x --precision 16",
+        "fit x --white no",
+        "fit x --white 0",
+        "fit x --circle 1,2",
+        "fit x --circle 1,2,-3",
+        "fit x --circle 1,2,nan",
+        "fit x --encoding rec709",
+        "fit x --encoding -2.2",
+        "fit x --hold kd",
+        "fit x --hold kd=-1",
+        "evaluate fit.json",
+        "render scene.toml",
+    ],
+)
+def test_wrong_usage_is_status_2(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(words.split()) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err
+
+
+@pytest.mark.parametrize(
+    "hold", ["kx=1", "specular.1.ks=0.2", "specular.shininess=1,2,3", "kd=1,2", "shininess=9"]
+)
+def test_holding_what_the_model_lacks_is_wrong_usage(
+    hold: str, capture: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", str(capture), "--hold", hold]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert hold.partition("=")[0] in error
+
+
+# Bad input: status 3, one line that names the file, nothing left behind
+
+
+def copy(capture: Path, folder: Path) -> Path:
+    folder.mkdir()
+    for file in (*capture.glob("?.png"), capture / "capture.toml"):
+        (folder / file.name).write_bytes(file.read_bytes())
+    return folder
+
+
+def missing_image(folder: Path) -> str:
+    (folder / "1.png").unlink()
+    return "1.png"
+
+
+def mismatched_sizes(folder: Path) -> str:
+    write_png(folder / "1.png", np.full((SIZE, SIZE + 1, 3), 0.5), bits=16)
+    return "1.png"
+
+
+def another_camera(folder: Path) -> str:
+    text = (folder / "capture.toml").read_text()
+    (folder / "capture.toml").write_text(text.replace(f"width = {SIZE}", f"width = {SIZE + 1}"))
+    return "capture.toml"
+
+
+def light_count(folder: Path) -> str:
+    (folder / "capture.toml").unlink()
+    write_png(folder / "mask.png", np.ones((SIZE, SIZE)))
+    (folder / "filenames.txt").write_text("0.png\n1.png\n")
+    (folder / "light_directions.txt").write_text("0 0 1\n")
+    return "light_directions.txt"
+
+
+def empty_mask(folder: Path) -> str:
+    write_png(folder / "mask.png", np.zeros((SIZE, SIZE)))
+    (folder / "capture.toml").write_text(
+        'mask = "mask.png"\n' + (folder / "capture.toml").read_text()
+    )
+    return "mask.png"
+
+
+def nan_in_a_light(folder: Path) -> str:
+    text = (folder / "capture.toml").read_text()
+    (folder / "capture.toml").write_text(text.replace("intensity = 1.0", "intensity = nan", 1))
+    return "capture.toml"
+
+
+def text_named_png(folder: Path) -> str:
+    (folder / "0.png").write_text("this is not a picture\n")
+    return "0.png"
+
+
+def empty_mesh(folder: Path) -> str:
+    (folder / "empty.obj").write_text("# nothing\n")
+    text = (folder / "capture.toml").read_text()
+    sphere = '{ kind = "sphere", center = [0, 0, 0], radius = 1.0 }'
+    mesh = '{ kind = "mesh", file = "empty.obj" }'
+    (folder / "capture.toml").write_text(text.replace(sphere, mesh))
+    return "empty.obj"
+
+
+def no_point_light_to_attenuate(folder: Path) -> str:
+    text = (folder / "capture.toml").read_text().replace("parallel", "point")
+    behind = text.replace("direction = [0.4, 0.5, 1.0]", "position = [0, 0, -9]")
+    behind = behind.replace("direction = [-0.6, 0.1, 1.0]", "position = [0, 0, -9]")
+    asked = behind.replace("1.0 }]", '1.0, attenuation = { kind = "quadratic" } }]')
+    (folder / "capture.toml").write_text(asked)
+    return folder.name
+
+
+BAD = [
+    missing_image,
+    mismatched_sizes,
+    another_camera,
+    light_count,
+    empty_mask,
+    nan_in_a_light,
+    text_named_png,
+    empty_mesh,
+    no_point_light_to_attenuate,
+]
+
+
+@pytest.mark.parametrize("spoil", BAD)
+def test_bad_input_is_one_line_and_status_3(
+    spoil, capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copy(capture, tmp_path / "capture")
+    culprit = spoil(folder)
+    out = tmp_path / "out"
+    assert run(["fit", str(folder), "--out", str(out), "--json"]) == 3
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.count("\n") == 1
+    assert output.err.startswith("diffshade: ")
+    assert culprit in output.err
+    assert not out.exists()
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_bad_input_in_a_process_of_its_own(capture: Path, tmp_path: Path, cache: str) -> None:
+    folder = copy(capture, tmp_path / "capture")
+    text_named_png(folder)
+    done = program("fit", folder, "--out", tmp_path / "out", XDG_CACHE_HOME=cache)
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert str(folder / "0.png") in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_out_that_is_a_file_is_refused_before_the_work(
+    capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").write_text("mine")
+    assert run(["fit", str(capture), "--out", str(tmp_path / "out")]) == 3
+    assert str(tmp_path / "out") in capsys.readouterr().err
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("no json", "is not JSON"),
+        ("[1]", "holds no JSON object"),
+        ("{}", '"schema" is missing'),
+        ('{"schema": "diffshade.fit/2"}', "schema is"),
+        ('{"schema": "diffshade.fit/1"}', '"coefficients" is missing'),
+    ],
+)
+def test_evaluate_refuses_what_is_no_fit(
+    text: str, says: str, capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fit.json").write_text(text)
+    assert run(["evaluate", str(tmp_path / "fit.json"), str(capture)]) == 3
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "fit.json" in error
+    assert says in error
+
+
+# Render
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr", ".npy"])
+def test_render_writes_the_three_formats(suffix: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(scene((0, 0, 1)))
+    out = tmp_path / f"image{suffix}"
+    assert run(["render", str(tmp_path / "scene.toml"), "--out", str(out)]) == 0
+    values = np.load(out) if suffix == ".npy" else read_image(out).values
+    assert values.shape == (SIZE, SIZE, 3)
+    assert values[SIZE // 2, SIZE // 2, 0] > 0.8
+    assert values[0, 0].max() == 0
+
+
+def test_render_says_where_a_png_is_too_narrow_to_hold_the_light(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "scene.toml").write_text(scene((0, 0, 1), ambient="20.0"))
+    arguments = ["render", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "image.png")]
+    assert run(arguments) == 0
+    assert "brighter than 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("out", ["image.jpg", "absent/image.png"])
+def test_render_refuses_what_it_cannot_write(
+    out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "scene.toml").write_text(scene((0, 0, 1)))
+    assert run(["render", str(tmp_path / "scene.toml"), "--out", str(tmp_path / out)]) == 3
+    assert out in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
+
+
+# Fit and evaluate
+
+
+def test_fit_json(capture: Path, results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", str(capture), "--json"]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    document = strict_json(output.out)
+    assert document["schema"] == "diffshade.fit/1"
+    assert document["model"] == "phong"
+    found = document["coefficients"]
+    lobe = found["lobes"][0]
+    assert found["ka"] == pytest.approx(KA, abs=1e-4)
+    assert found["kd"] == pytest.approx(KD, abs=1e-4)
+    assert lobe["ks"] == pytest.approx([KS] * 3, abs=1e-4)
+    assert lobe["shininess"] == pytest.approx(SHININESS, rel=1e-3)
+    assert lobe["kind"] == "phong"
+    assert found["body"] is found["attenuation"] is None
+    assert shape(document["standard_errors"]) == shape(found)
+    assert document["converged"] is True
+    assert document["fraction_excluded"] == 0
+    assert {"load", "fit"} == set(document["seconds"])
+    rows = document["per_image"]
+    assert [row["file"] for row in rows] == ["0.png", "1.png"]
+    assert all(row["pixels_clipped"] == 0 and row["pixels_used"] > 900 for row in rows)
+    # The file is the same object, but for the time that it took.
+    written = strict_json((results / "fit.json").read_text())
+    assert {**written, "seconds": 0} == {**document, "seconds": 0}
+
+
+def test_the_folder_of_results(results: Path) -> None:
+    names = {"comparison_1.png", "comparison_2.png", "fit.json", "report.txt"}
+    assert {file.name for file in results.iterdir()} == names
+    report = (results / "report.txt").read_text()
+    assert "shininess" in report
+    assert "linear x" in report  # the exposure
+    assert "the ends of the colour bar are +/- " in report
+    assert read_image(results / "comparison_1.png").values.std() > 0.1
+
+
+def test_evaluate_repeats_the_residual_of_the_fit(
+    capture: Path, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fitted = strict_json((results / "fit.json").read_text())
+    assert run(["evaluate", str(results / "fit.json"), str(capture), "--json"]) == 0
+    document = strict_json(capsys.readouterr().out)
+    assert document["schema"] == "diffshade.evaluate/1"
+    for key in ("relative_residual", "fraction_excluded", "per_image"):
+        assert document[key] == fitted[key]
+
+
+def test_hold_and_model(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["fit", str(capture), "--json", "--model", "lambert", "--hold", "ka=0.1,0.05,0.02"]
+    assert run(arguments) == 0
+    document = strict_json(capsys.readouterr().out)
+    assert document["coefficients"]["ka"] == pytest.approx(KA)
+    assert document["standard_errors"]["ka"] == [None] * 3
+    assert document["held"] == ["ka"]
+    assert document["coefficients"]["lobes"] == []
+    assert document["relative_residual"] > 0.01
+
+
+def test_a_search_that_does_not_converge_is_status_1(
+    capture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from fitting import estimate
+
+    search = estimate.search
+    stopped = lambda *problem: replace(search(*problem), converged=False)  # noqa: E731
+    monkeypatch.setattr(estimate, "search", stopped)
+    assert run(["fit", str(capture)]) == 1
+    assert "DID NOT CONVERGE" in capsys.readouterr().out
+
+
+def test_precision_is_of_the_command_alone(
+    capture: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import jax
+
+    before = jax.config.jax_enable_x64
+    assert run(["fit", str(capture), "--json", "--precision", "32"]) == 0
+    kd = strict_json(capsys.readouterr().out)["coefficients"]["kd"]
+    assert kd == [float(np.float32(value)) for value in kd]
+    assert kd == pytest.approx(KD, abs=1e-4)
+    assert jax.config.jax_enable_x64 == before
+
+
+def test_many_images_share_a_sheet(
+    capture: Path, results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from diffshade.commands.fit import Fitted, fit_capture
+
+    fitted = fit_capture(capture, model="lambert")
+    many = 8
+    several = replace(
+        fitted.capture,
+        **{
+            name: getattr(fitted.capture, name)[:1] * many
+            for name in ("names", "images", "valid", "clipped", "scenes")
+        },
+    )
+    found = replace(fitted.fit, scene=fitted.fit.scene[:1] * many)
+    # Into a folder that holds an earlier fit, and something of the user's.
+    for file in results.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "comparison_of_mine.png").write_text("mine")
+    Fitted(several, found, fitted.document).write(tmp_path, fitted.document, "report")
+    names = {"comparison.png", "comparison_of_mine.png", "fit.json", "report.txt"}
+    assert {file.name for file in tmp_path.iterdir()} == names
+
+
+# The main job on real and shipped data
+
+
+def test_demo_recovers_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["demo", "--json", "--out", str(tmp_path)]) == 0
+    document = strict_json(capsys.readouterr().out)
+    truth, found, error = (document[k] for k in ("truth", "coefficients", "standard_errors"))
+    flat = [
+        *((found[k], error[k], truth[k]) for k in ("ka", "kd")),
+        *((found["lobes"][0][k], error["lobes"][0][k], truth[k]) for k in ("ks", "shininess")),
+        *(
+            (found["attenuation"][k], error["attenuation"][k], truth["attenuation"][k])
+            for k in ("c0", "c1", "c2")
+        ),
+    ]
+    for value, spread, known in (map(np.asarray, each) for each in flat):
+        # c0 is 1 by convention, exactly; the rounding of 1 is no error.
+        assert np.all(np.abs(value - known) <= 3 * spread + 1e-15)
+        # c1 is 0: its share of 1/f at d = 1 is what a part in a thousand refers to.
+        assert np.all(np.abs(value - known) <= 1e-3 * np.where(known == 0, 1, known))
+    assert strict_json((tmp_path / "fit.json").read_text())["truth"] == truth
+    assert "in std. errors" in (tmp_path / "report.txt").read_text()
+
+
+def test_the_ball_of_diligent(tmp_path: Path, cache: str) -> None:
+    ball = shared_data("diligent_ball")
+    done = program("fit", ball, "--json", "--out", tmp_path / "ball", XDG_CACHE_HOME=cache)
+    assert (done.returncode, done.stderr) == (0, "")
+    document = strict_json(done.stdout)
+    assert document["relative_residual"] <= 0.095
+    assert document["coefficients"]["kd"] == pytest.approx([0.162, 0.137, 0.089], rel=0.02)
+    assert 480 <= document["coefficients"]["lobes"][0]["shininess"] <= 640
+    assert len(document["per_image"]) == 24
+    assert all(row["pixels_clipped"] > 0 for row in document["per_image"])
+
+    done = program("evaluate", tmp_path / "ball" / "fit.json", ball, "--json", XDG_CACHE_HOME=cache)
+    assert (done.returncode, done.stderr) == (0, "")
+    again = strict_json(done.stdout)
+    assert again["relative_residual"] == document["relative_residual"]
+    assert again["per_image"] == document["per_image"]
+
+
+# Settings of the process
+
+
+def test_the_cache_of_compiled_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(os, "environ", {"XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)})
+    settings.cache_programs()
+    folder = Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
+    assert folder.is_dir()
+    assert tmp_path in folder.parents
+
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path / "mine")
+    settings.cache_programs()
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / "mine")
+
+    (tmp_path / "file").write_text("")
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path / "file")
+    os.environ.pop("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS")
+    settings.cache_programs()  # cannot be made: no cache, and no complaint
+    assert "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ

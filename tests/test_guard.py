@@ -1,0 +1,65 @@
+"""Every singularity: the value where it is finite, the stated one where it is not, both ways finite."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from diffshade import guard
+
+TINY = {
+    "positive": (0.0, -1.0),
+    "sqrt": (0.0, -1.0),
+    "reciprocal_sqrt": (0.0, -1.0),
+    "reciprocal": (0.0,),
+    "log": (0.0, -1.0),
+}
+
+
+@pytest.mark.parametrize(("name", "x"), [(n, x) for n, xs in TINY.items() for x in xs])
+def test_zero_with_zero_derivatives_where_it_is_singular(name: str, x: float) -> None:
+    f = getattr(guard, name)
+    at = jnp.asarray(x, float)
+    assert f(at) == 0
+    assert jax.grad(f)(at) == 0
+    assert jax.jacfwd(f)(at) == 0
+    assert jax.hessian(f)(at) == 0
+
+
+def test_the_textbook_function_elsewhere(tolerance: float) -> None:
+    x = jnp.asarray([1e-12, 0.3, 1.0, 7.0, 1e9], float)
+    host = np.asarray(x, float)
+    for name, exact in (
+        ("positive", host),
+        ("sqrt", np.sqrt(host)),
+        ("reciprocal_sqrt", 1 / np.sqrt(host)),
+        ("reciprocal", 1 / host),
+        ("log", np.log(host)),
+    ):
+        np.testing.assert_allclose(getattr(guard, name)(x), exact, rtol=tolerance, err_msg=name)
+
+
+@pytest.mark.parametrize("n", [0.0, 1e-3, 0.5, 1.0, 1.5, 2.0, 32.0, 400.0, 1e5])
+@pytest.mark.parametrize("x", [-1.0, -1e-20, 0.0, 1e-30, 1e-12, 0.5, 0.999999, 1.0, 1.0000001])
+def test_power_and_its_derivatives_are_finite(x: float, n: float) -> None:
+    at = (jnp.asarray(x, float), jnp.asarray(n, float))
+    values = [
+        guard.power(*at),
+        *jax.grad(guard.power, argnums=(0, 1))(*at),
+        *jax.jacfwd(guard.power, argnums=(0, 1))(*at),
+        *jax.tree.leaves(jax.hessian(guard.power, argnums=(0, 1))(*at)),
+    ]
+    assert all(np.isfinite(v) for v in values)
+    if x <= 0:
+        assert all(v == 0 for v in values)
+
+
+def test_power_is_the_power(tolerance: float) -> None:
+    x, n = np.meshgrid([1e-3, 0.2, 0.9, 1.0], [0.5, 1.0, 3.0, 40.0])
+    found = guard.power(jnp.asarray(x, float), jnp.asarray(n, float))
+    np.testing.assert_allclose(found, x**n, rtol=100 * tolerance, atol=1e-37)
+    by_x, by_n = jax.vmap(jax.grad(guard.power, argnums=(0, 1)))(
+        jnp.asarray(x.ravel(), float), jnp.asarray(n.ravel(), float)
+    )
+    np.testing.assert_allclose(by_x, (n * x ** (n - 1)).ravel(), rtol=100 * tolerance, atol=1e-37)
+    np.testing.assert_allclose(by_n, (x**n * np.log(x)).ravel(), rtol=100 * tolerance, atol=1e-37)
