@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from diffshade.errors import BadInput as BadInput
+    from diffshade.fusion import compiler_options as compiler_options
     from diffshade.geometry.camera import OrthographicCamera as OrthographicCamera
     from diffshade.geometry.camera import PerspectiveCamera as PerspectiveCamera
     from diffshade.geometry.frequency import FlatShading as FlatShading
@@ -56,6 +57,7 @@ _HOME = {
     "Scene": "scene",
     "Sphere": "geometry.sphere",
     "basis": "shading.basis",
+    "compiler_options": "fusion",
     "contract": "shading.basis",
     "gbuffer": "geometry.gbuffer",
     "load_mesh": "geometry.mesh_file",

@@ -79,8 +79,13 @@ def _column(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper bound of one linear coefficient, a number a channel."""
     if held:
-        value = np.broadcast_to(np.asarray(coefficient(start, name)), (channel_count,))
-        return value, value
+        value = np.asarray(coefficient(start, name))
+        if value.size not in (1, channel_count):
+            raise BadInput(
+                f"{name} is held at {value.size} numbers where the images have {channel_count}"
+                " channels: give one, or one a channel"
+            )
+        return np.broadcast_to(value, channel_count), np.broadcast_to(value, channel_count)
     low, high = given.get(name, REFLECTED)
     low = -np.inf if low is None else low
     high = np.inf if high is None else high

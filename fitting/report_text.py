@@ -148,7 +148,7 @@ def _each_image(rows: Sequence[Document]) -> str:
 
 
 def _share(value: float | None) -> str:
-    return "not finite" if value is None else f"{value:.4f}"
+    return "not finite" if value is None else f"{value:.3g}"
 
 
 def _notes(document: Document) -> str:

@@ -1,6 +1,7 @@
 """From nothing to the minimum: a coarse grid on few pixels, refined there, finished on all."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -67,8 +68,9 @@ def _refine(
     eps = float(jnp.finfo(u.dtype).eps)
     tolerance = eps**0.5 if u.dtype == jnp.float64 else 100 * eps
     solver = BoundedLevenbergMarquardt(tolerance, tolerance, lower, upper)
-    solution: optx.Solution = optx.least_squares(
-        compressed_residual,
+    residual: Any = compressed_residual  # Optimistix's annotation allows no auxiliary output
+    solution: Any = optx.least_squares(
+        residual,
         solver,
         u,
         args=problem,

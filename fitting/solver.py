@@ -52,7 +52,9 @@ class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
         info = jnp.finfo(y.dtype)
         curvature = jnp.diagonal(hessian)
         curvature = jnp.maximum(curvature, 1e-6 * jnp.max(curvature) + float(info.tiny) ** 0.5)
-        damping = 1 / jnp.maximum(step_size, float(info.tiny) ** 0.5)
+        # Never so little that a singular matrix could not be factorised.
+        least = 8 * y.size * float(info.eps)
+        damping = jnp.maximum(1 / jnp.maximum(step_size, float(info.tiny) ** 0.5), least)
         scale = 1 / jnp.sqrt(curvature)
         damped = hessian * jnp.outer(scale, scale) + damping * jnp.eye(y.size, dtype=y.dtype)
 

@@ -11,12 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from gradients import check_gradients, dead_inputs
+from registry import FREQUENCIES, LIGHTS, LOBES, SHININESS
 
 import diffshade as ds
 from diffshade.light.base import AbstractLight
 from diffshade.vector import Vec3
-from gradients import check_gradients, dead_inputs
-from registry import FREQUENCIES, LIGHTS, LOBES, SHININESS
 
 pytestmark = [pytest.mark.float64, pytest.mark.slow]
 

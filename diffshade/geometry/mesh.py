@@ -10,7 +10,7 @@ from diffshade.arrays import floats, is_concrete, optional
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import AbstractCamera
 from diffshade.geometry.fields import indices
-from diffshade.geometry.normals import area_weights, plane_normals, vertex_normals
+from diffshade.geometry.normals import Weights, area_weights, plane_normals, vertex_normals
 from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.vector import Vec3, unit
 
@@ -24,7 +24,8 @@ class Mesh(AbstractSurface):
     """Triangles: `vertices` [V, 3] in world axes, `faces` [F, 3] counter-clockwise seen from outside.
 
     `normals` [V, 3], if given, are the vertex normals of Gouraud and Phong shading; otherwise they
-    are computed from the faces, weighted by area, and move with the vertices. `slot` [F] numbers
+    are means of those of the faces, and move with the vertices. `weights` says by what a face
+    counts in a mean: its area, or another of the functions in `geometry.normals`. `slot` [F] numbers
     the material of each face where a mesh has several, and `materials` holds those that its file
     came with. Vertices may be traced by `jit` or `grad`; faces decide shapes and may not.
 
@@ -44,6 +45,7 @@ class Mesh(AbstractSurface):
     )
     slot: Int[Array, "F"] | None = eqx.field(converter=optional(indices("slot")), default=None)
     materials: tuple[Any, ...] = ()
+    weights: Weights = eqx.field(static=True, kw_only=True, default=area_weights)
 
     def __check_init__(self) -> None:
         if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
@@ -57,7 +59,8 @@ class Mesh(AbstractSurface):
         if self.slot is not None and self.slot.shape != self.faces.shape[:1]:
             raise BadInput(f"slot has shape {self.slot.shape} for {self.faces.shape[0]} faces")
         if self.faces.size and is_concrete(self.faces):
-            low, high = int(self.faces.min()), int(self.faces.max())
+            faces = np.asarray(self.faces)  # what JAX computes of it is traced inside jit
+            low, high = int(faces.min()), int(faces.max())
             if low < 0 or high >= self.vertices.shape[0]:
                 raise BadInput(
                     f"faces refers to vertices {low} to {high} of {self.vertices.shape[0]}:"
@@ -82,13 +85,13 @@ class Mesh(AbstractSurface):
         return plane_normals(*self.corners())
 
     def vertex_normals(self) -> Vec3:
-        """The unit normal of every vertex: those given, or the area-weighted mean of its faces'.
+        """The unit normal of every vertex: those given, or the weighted mean of its faces'.
 
         Zero where there is none: at a vertex of no face, or whose faces' normals cancel.
         """
         if self.normals is not None:
             return unit(Vec3.from_array(self.normals.astype(self.vertices.dtype)))
-        return vertex_normals(self.vertices, self.faces, weights=area_weights)
+        return vertex_normals(self.vertices, self.faces, weights=self.weights)
 
     def visibility(self, camera: AbstractCamera) -> Visibility:
         from diffshade.geometry.raycast import cast  # the ray caster loads only for a mesh

@@ -2,93 +2,127 @@
 
 | format | vertices | vertex normals | slots | materials |
 |---|---|---|---|---|
-| OBJ | as in the file; one for each pair of `v` and `vn` where there are normals | `vn` | `usemtl`, or else objects (`o`) | the `.mtl`'s |
+| OBJ | as in the file, or one for each position and normal | `vn` | `usemtl`, or else `o` | `.mtl` |
 | PLY | as in the file | `nx`, `ny`, `nz` | none | none |
-| STL | corners at exactly the same place are one vertex | computed | solids, where several | none |
-| glTF | as in the file, moved by their nodes | `NORMAL` | primitives, where several | none |
+| STL | corners at exactly the same place are one | computed | solids | none |
+| glTF | as in the file, moved by their nodes | `NORMAL` | primitives of nodes | none |
 
-Where a file gives some of its vertices no normal of any length, these have the area-weighted mean
-of their faces' normals; where it gives none at all, `Mesh` computes them, and they move with the
-vertices. The facet normals of an STL file say nothing that its corners do not, and a flat look is
-`FlatShading()`. glTF's materials are metallic-roughness and have no Phong form. No texture is read.
+Where a file gives only some of its vertices a normal, the others have the mean of their faces'
+normals, weighted by area; where it gives none, `Mesh` computes them, and they move with the vertices.
+The facet normals of an STL file say nothing that its corners do not; a faceted look is
+`FlatShading()`. glTF's materials are metallic-roughness and have no Phong form. Textures and the
+smoothing groups of OBJ files are not read.
 """
 
-import logging
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from diffshade.errors import BadInput
 from diffshade.geometry.mesh import Mesh
-from diffshade.geometry.triangulate import triangulate
+from diffshade.io.obj import Obj, read_obj
+from diffshade.io.obj_materials import read_materials
+from diffshade.io.trimesh_formats import Part, read_gltf, read_ply, read_stl
 
 __all__ = ["load_mesh"]
 
-
-class _Part(NamedTuple):
-    """One piece of a file; faces with `normals` None have none of their own."""
-
-    vertices: Float[np.ndarray, "V 3"]
-    faces: Int[np.ndarray, "F 3"]
-    normals: Float[np.ndarray, "V 3"] | None = None
+READERS: dict[str, Callable[[Path], list[Part]]] = {
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".gltf": read_gltf,
+    ".glb": read_gltf,
+}
 
 
 def load_mesh(path: str | Path) -> Mesh:
     """One mesh of all that a file holds: `.obj` with its `.mtl`, `.ply`, `.stl`, `.gltf`, `.glb`.
 
-    Polygons are cut into triangles. The file's axes and units are taken as they are. A file with
-    several materials or objects gives each face its `slot`; `materials` are those of an OBJ file's
-    `.mtl`, in the order of the slots, with the halfway-vector lobe (Blinn) of its `illum 2`. They
-    have one form: where one lacks a term that another has, its coefficient is 0.
+    Polygons are cut into triangles; axes and units are those of the file. A file of several
+    materials, or else objects, gives each face its `slot`. `materials` are those of the `.mtl`, in
+    the order of the slots, with the halfway-vector lobe (Blinn) of its `illum 2`. They have one
+    form: where one lacks a term that another has, its coefficient is 0.
 
-    Warns where materials that an OBJ file names are not found, and where textures are passed over.
-    Raises `BadInput`, naming the file, for what is missing, not a mesh, or has no triangles.
+    Warns where the materials that an OBJ file names are not found, and where they have textures.
+    Raises `BadInput`, naming the file, for what is missing, no mesh, or has no triangles.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
+    suffix = path.suffix.lower()
     if not path.is_file():
         raise BadInput(f"{path}: there is no such file; check the path")
-    if reader is None:
-        raise BadInput(
-            f"{path}: {path.suffix or 'a name without suffix'} is no mesh format that is read;"
-            f" give {', '.join(_READERS)}"
-        )
-    mesh = reader(path)
+    if suffix == ".obj":
+        mesh = _from_obj(path, read_obj(path))
+    elif suffix in READERS:
+        mesh = _from_parts(READERS[suffix](path))
+    else:
+        known = ", ".join((".obj", *READERS))
+        raise BadInput(f"{path}: is no mesh format that is read; give one of {known}")
     if not mesh.faces.shape[0]:
-        raise BadInput(
-            f"{path}: holds {mesh.vertices.shape[0]} points and no triangles; give a mesh"
-        )
+        count = mesh.vertices.shape[0]
+        raise BadInput(f"{path}: holds {count} vertices and no faces; give a mesh of triangles")
     return mesh
 
 
-def _obj(path: Path) -> Mesh:
-    from diffshade.io.obj import read_obj
-
-    file = read_obj(path)
-    lengths = np.append(np.linalg.norm(file.normals, axis=1), 0)  # number -1: no normal
-    usable = np.isfinite(lengths) & (lengths > 0)
-    known = usable[file.face_normals]
-    vertices, faces, normals = file.vertices, file.faces, None
-    if known.any():
-        corners = np.stack([file.faces, np.where(known, file.face_normals, -1)], axis=-1)
-        pairs, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-        of_vertex, of_normal = pairs.T
-        given = np.where((of_normal >= 0)[:, None], file.normals[of_normal], 0)
-        vertices, faces = file.vertices[of_vertex], faces.reshape(-1, 3)
-        normals = given if known.all() else given  # completed below
-        if not known.all():
-            computed = _computed_normals(_Part(file.vertices, file.faces))[of_vertex]
-            normals = np.where((of_normal >= 0)[:, None], given, computed)
-    return Mesh(vertices, faces, normals)
-
-
-def _computed_normals(part: _Part) -> Float[np.ndarray, "V 3"]:
-    return np.asarray(Mesh(part.vertices, part.faces).vertex_normals().to_array(), np.float64)
+def _from_parts(parts: list[Part]) -> Mesh:
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = np.concatenate([np.zeros((0, 3)), *(part.vertices for part in parts)])
+    faces = np.concatenate(
+        [
+            np.zeros((0, 3), np.int64),
+            *(part.faces + start for part, start in zip(parts, starts, strict=False)),
+        ]
+    )
+    normals = None
+    if any(part.normals is not None for part in parts):
+        given = np.concatenate(
+            [
+                np.zeros_like(part.vertices) if part.normals is None else part.normals
+                for part in parts
+            ]
+        )
+        normals = _complete(given, lambda: _means(vertices, faces))
+    slot = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
+    return _mesh(vertices, faces, normals, slot=slot if len(parts) > 1 else None)
 
 
-_READERS: Mapping[str, Callable[[Path], Mesh]] = {}
+def _from_obj(path: Path, file: Obj) -> Mesh:
+    vertices, faces = file.vertices, file.faces
+    all_normals = np.append(file.normals, np.zeros((1, 3)), axis=0)  # number -1 is none
+    values, number = np.unique(all_normals, axis=0, return_inverse=True)
+    corners = np.stack([faces, number.reshape(-1)[file.face_normals]], axis=-1).reshape(-1, 2)
+    pairs, number = np.unique(corners, axis=0, return_inverse=True)
+    of_vertex, of_normal = pairs.T
+    normals = _complete(values[of_normal], lambda: _means(vertices, faces)[of_vertex])
+    if normals is not None:
+        vertices, faces = vertices[of_vertex], number.reshape(-1, 3)
+    named = any(file.materials)
+    slot = file.material if named else file.group
+    return _mesh(
+        vertices,
+        faces,
+        normals,
+        slot=slot if slot.any() else None,
+        materials=read_materials(path, file) if named else (),
+    )
+
+
+def _mesh(*arguments: Any, **options: Any) -> Mesh:
+    return Mesh(*arguments, **options)  # of NumPy arrays, which its fields convert
+
+
+def _means(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "V 3"]:
+    return np.asarray(_mesh(vertices, faces).vertex_normals().to_array(), np.float64)
+
+
+def _complete(
+    given: Float[np.ndarray, "V 3"], compute: Callable[[], Float[np.ndarray, "V 3"]]
+) -> Float[np.ndarray, "V 3"] | None:
+    """A file's normals, computed where they are zero or not finite; None where all are."""
+    usable = np.isfinite(given).all(axis=1) & (given != 0).any(axis=1)
+    if usable.all() or not usable.any():
+        return given if usable.any() else None
+    return np.where(usable[:, None], given, compute())

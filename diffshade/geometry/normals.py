@@ -16,6 +16,7 @@ __all__ = [
     "face_normals",
     "newell_normal",
     "plane_normals",
+    "sphere_weights",
     "uniform_weights",
     "vertex_normals",
 ]
@@ -32,12 +33,12 @@ def face_normals(a: Vec3, b: Vec3, c: Vec3) -> Vec3:
 
 
 def plane_normals(a: Vec3, b: Vec3, c: Vec3) -> Vec3:
-    """The unit normals of triangles; zero, with derivative 0, for one without area.
+    """The unit normals of triangles; zero, with derivative 0, for one without area up to rounding.
 
     From edges of unit length: the square of an area leaves the range of float32 for edges below
     1e-9 or above 1e9.
     """
-    return unit(cross(unit(b - a), unit(c - a)))
+    return _unit_above_rounding(cross(unit(b - a), unit(c - a)), jnp.ones_like(a.x))
 
 
 def newell_normal(polygon: Float[Array, "N 3"]) -> Float[Array, "3"]:
@@ -51,7 +52,7 @@ def newell_normal(polygon: Float[Array, "N 3"]) -> Float[Array, "3"]:
     [0.0, 0.0, 1.0]
     """
     # About the centroid: the sum is the same, with no cancellation for a polygon far from the origin.
-    here = Vec3.from_array(polygon - jnp.mean(polygon, axis=0))
+    here = Vec3.from_array(polygon - jnp.mean(polygon, axis=0, keepdims=True))
     after = Vec3(*(jnp.roll(plane, -1) for plane in (here.x, here.y, here.z)))
     less, more = here - after, here + after
     normal = Vec3(
@@ -78,7 +79,7 @@ def angle_weights(a: Vec3, b: Vec3, c: Vec3) -> Float[Array, "3 F"]:
     """A face counts by its angle at the vertex: the result does not depend on the triangulation."""
 
     def angle(at: Vec3, left: Vec3, right: Vec3) -> Float[Array, "F"]:
-        u, w = left - at, right - at
+        u, w = unit(left - at), unit(right - at)
         opposite, adjacent = length(cross(u, w)), dot(u, w)
         # arctan2 has no derivative at (0, 0), the corner of a face without extent
         some = (opposite != 0) | (adjacent != 0)
@@ -89,21 +90,46 @@ def angle_weights(a: Vec3, b: Vec3, c: Vec3) -> Float[Array, "3 F"]:
     return jnp.stack([angle(a, b, c), angle(b, c, a), angle(c, a, b)])
 
 
+def sphere_weights(a: Vec3, b: Vec3, c: Vec3) -> Float[Array, "3 F"]:
+    """Exact where the vertices lie on a sphere: sin(angle) / (|u| |w|) of the edges u, w (Max 1999).
+
+    The normals of a smooth surface are then right to second order in the length of its edges, those
+    of the other means to first order. A sliver with short edges outvotes all its neighbours, so it
+    is for clean meshes. Max, Weights for computing vertex normals from facet normals, JGT 4 (2).
+    """
+
+    def weight(at: Vec3, left: Vec3, right: Vec3) -> Float[Array, "F"]:
+        u, w = left - at, right - at
+        lengths = guard.reciprocal(length(u)) * guard.reciprocal(length(w))
+        return length(cross(unit(u), unit(w))) * lengths
+
+    return jnp.stack([weight(a, b, c), weight(b, c, a), weight(c, a, b)])
+
+
 def vertex_normals(
     vertices: Float[Array, "V 3"], faces: Int[Array, "F 3"], *, weights: Weights = uniform_weights
 ) -> Vec3:
     """N_v = sum w_k N_k / |sum w_k N_k| over the faces k at a vertex (text B).
 
-    `weights` is `uniform_weights` (text B), `area_weights` or `angle_weights`. Degenerate faces do
-    not count. A vertex of no face, or whose faces' normals cancel, has normal zero, with derivative 0.
+    `weights` is `uniform_weights` (text B), `area_weights`, `angle_weights` or `sphere_weights`.
+    Degenerate faces do not count. A vertex of no face, or whose faces' normals cancel up to
+    rounding, has normal zero, with derivative 0.
     """
+    count, at = vertices.shape[0], faces.T.ravel()
     corners = tuple(Vec3.from_array(vertices[faces[:, k]]) for k in range(3))
-    flat = plane_normals(*corners).to_array()
-    weight = weights(*corners)
-    # Only the ratios of the weights count: scaled to 1 their sum stays in the range of float32.
-    weight = weight * guard.reciprocal(lax.stop_gradient(jnp.max(weight, initial=0)))
-    total = jnp.zeros_like(vertices)
-    for k in range(3):
-        share = weight[k][:, None] * flat
-        total = total + jax.ops.segment_sum(share, faces[:, k], vertices.shape[0])
-    return unit(Vec3.from_array(total))
+    flat = jnp.tile(plane_normals(*corners).to_array(), (3, 1))
+    weight = weights(*corners).ravel()
+    # Only the ratios of the weights at a vertex count: the largest is scaled to 1, so that squares
+    # of sums stay in the range of float32.
+    largest = jax.ops.segment_max(lax.stop_gradient(weight), at, count)
+    weight = weight * guard.reciprocal(largest)[at]
+    shares = jnp.concatenate([weight[:, None] * flat, weight[:, None]], axis=1)
+    x, y, z, terms = jax.ops.segment_sum(shares, at, count).T
+    return _unit_above_rounding(Vec3(x, y, z), terms)
+
+
+def _unit_above_rounding(v: Vec3, terms: Float[Array, "N"]) -> Vec3:
+    """v / |v|, or zero where v is but what rounding left of terms of that size."""
+    rounding = 8 * float(jnp.finfo(terms.dtype).eps) * terms
+    some = dot(v, v) > rounding**2
+    return unit(Vec3(*(jnp.where(some, plane, 0) for plane in (v.x, v.y, v.z))))

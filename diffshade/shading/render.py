@@ -1,6 +1,7 @@
 """From a G-buffer, a scene and a material to an image."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ from jaxtyping import Array, Float
 from diffshade.arrays import is_concrete
 from diffshade.channels import Channels
 from diffshade.errors import BadInput
+from diffshade.fusion import compiler_options
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material, by_slot
 from diffshade.scene import Scene
@@ -39,8 +41,7 @@ def render(
     (8, 8, 1)
     """
     arguments = (gbuffer, scene, _one_material(gbuffer, material))
-    outermost = is_concrete(arguments) and jax.default_backend() == "cpu"
-    return (_render_outermost if outermost else _render)(*arguments)
+    return (_render_outermost if is_concrete(arguments) else _render)(*arguments)
 
 
 def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> Material:
@@ -68,12 +69,12 @@ def _render(gbuffer: GBuffer, scene: Scene, material: Material) -> Float[Array, 
 
 
 def _render_outermost(gbuffer: GBuffer, scene: Scene, material: Material) -> Float[Array, "H W C"]:
-    # Two programs: in one, XLA would fuse the shading into the scatter and compute it again, point
-    # by point, for every channel.
-    return _to_image(gbuffer, _planes_wide(gbuffer, scene, material))
+    return _to_image(gbuffer, _planes_jit()(gbuffer, scene, material))
 
 
-# 512-bit vectors halve the time on a CPU that has them. A jit with compiler options cannot be
-# nested in another: they are for the outermost call, and who composes passes them to their own jit.
-_planes_wide = jax.jit(_planes, compiler_options={"xla_cpu_prefer_vector_width": 512})
+@cache
+def _planes_jit() -> Callable[[GBuffer, Scene, Material], Channels]:
+    return jax.jit(_planes, compiler_options=compiler_options())
+
+
 _to_image = jax.jit(GBuffer.to_image)

@@ -3,10 +3,10 @@
 import jax
 import numpy as np
 import pytest
+from truths import Truth, draw
 
 import diffshade as ds
 import fitting
-from truths import Truth, draw
 
 GBUFFER = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(96, 96, 2.2))
 

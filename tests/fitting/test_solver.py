@@ -53,7 +53,7 @@ PROBLEMS: dict[str, tuple[Callable, list, list, list]] = {
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_against_scipy(name: str) -> None:
     f, start, lower, upper = PROBLEMS[name]
-    solver = BoundedLevenbergMarquardt(1e-9, 1e-12, jnp.array(lower), jnp.array(upper))
+    solver = BoundedLevenbergMarquardt(1e-9, 1e-8, jnp.array(lower), jnp.array(upper))
     solution = optx.least_squares(
         lambda y, _: f(y), solver, jnp.array(start), max_steps=256, throw=False
     )

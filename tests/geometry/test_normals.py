@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from gradients import check_gradients
+from jax.test_util import check_grads
 from mesh_cases import CUBE, CUBE_FACES, icosphere
 from shared import shared_data
 
@@ -16,12 +16,13 @@ from diffshade.geometry.normals import (
     face_normals,
     newell_normal,
     plane_normals,
+    sphere_weights,
     uniform_weights,
     vertex_normals,
 )
 from diffshade.vector import Vec3
 
-WEIGHTS = [uniform_weights, area_weights, angle_weights]
+WEIGHTS = [uniform_weights, area_weights, angle_weights, sphere_weights]
 means = jax.jit(vertex_normals, static_argnames="weights")
 
 
@@ -119,10 +120,16 @@ WEDGE_FACES = np.array([[0, 1, 2], [0, 2, 3]])
 
 @pytest.mark.parametrize(
     ("weights", "ratio"),
-    [(uniform_weights, 1.0), (area_weights, 2**0.5), (angle_weights, 0.5)],
+    [
+        (uniform_weights, 1.0),
+        (area_weights, 2**0.5),
+        (angle_weights, 0.5),
+        (sphere_weights, 8**-0.5),
+    ],
 )
 def test_the_mean_at_the_edge_of_a_wedge_by_hand(weights, ratio, tolerance):
-    # Areas 1/2 and sqrt(2)/2, angles pi/2 and pi/4 at the origin: n = (0,0,1) + ratio (1,0,0).
+    # At the origin the areas are 1/2 and sqrt(2)/2, the angles pi/2 and pi/4, and sin(angle) over
+    # the edges' lengths 1 and sqrt(1/2)/2, so n = (0, 0, 1) + ratio (1, 0, 0).
     normals = means(jnp.array(WEDGE), jnp.array(WEDGE_FACES), weights=weights).to_array()
     expected = np.array([ratio, 0, 1]) / np.hypot(ratio, 1)
     np.testing.assert_allclose(normals[0], expected, rtol=tolerance, atol=tolerance)
@@ -137,7 +144,7 @@ def test_angle_weights_do_not_depend_on_the_triangulation(tolerance):
     assert np.abs(uniform - CUBE / 3**0.5).max() > 0.1
 
 
-@pytest.mark.parametrize("weights", WEIGHTS)
+@pytest.mark.parametrize("weights", WEIGHTS[:3])
 def test_a_sphere_of_triangles_has_the_normals_of_the_sphere(weights):
     errors = []
     for levels in (2, 3):
@@ -145,6 +152,14 @@ def test_a_sphere_of_triangles_has_the_normals_of_the_sphere(weights):
         normals = means(jnp.array(vertices), jnp.array(faces), weights=weights)
         errors.append(np.abs(np.asarray(normals.to_array()) - vertices).max())
     assert errors[1] < 0.7 * errors[0] < 0.02
+
+
+def test_sphere_weights_are_exact_on_a_sphere(rng, tolerance):
+    vertices, faces = icosphere(1)
+    crooked = vertices + 0.05 * rng.normal(size=vertices.shape)
+    crooked /= np.linalg.norm(crooked, axis=1, keepdims=True)
+    normals = means(jnp.array(3 * crooked + 1), jnp.array(faces), weights=sphere_weights)
+    np.testing.assert_allclose(normals.to_array(), crooked, atol=1e3 * tolerance)
 
 
 @pytest.mark.parametrize("weights", WEIGHTS)
@@ -173,7 +188,7 @@ def test_where_there_is_no_normal_it_is_zero_and_derivatives_are_finite():
     def normals(v):
         return jnp.stack([vertex_normals(v, faces, weights=w).to_array() for w in WEIGHTS])
 
-    np.testing.assert_array_equal(jax.jit(normals)(vertices), np.zeros((3, 6, 3)))
+    np.testing.assert_array_equal(jax.jit(normals)(vertices), np.zeros((4, 6, 3)))
     for derivative in (jax.jacrev, jax.jacfwd):
         assert np.isfinite(jax.jit(derivative(normals))(vertices)).all()
 
@@ -204,10 +219,12 @@ def test_derivatives_by_finite_differences():
     faces = jnp.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]])
     vertices = jnp.array([[0.1, 0.2, 1], [1, 0, 0.1], [-0.5, 0.9, 0], [-0.6, -0.8, -0.1]])
 
+    @jax.jit
     def all_normals(v):
-        mean = [means(v, faces, weights=weights).to_array() for weights in WEIGHTS[1:]]
+        mean = [vertex_normals(v, faces, weights=weights).to_array() for weights in WEIGHTS]
         flat = plane_normals(*(Vec3.from_array(v[faces[:, k]]) for k in range(3))).to_array()
         return jnp.concatenate([*mean, flat, newell_normal(v)[None]])
 
-    largest = check_gradients(all_normals, [vertices])[0]
-    assert (np.asarray(largest) > 0.01).all()
+    check_grads(all_normals, (vertices,), order=1, atol=1e-8, rtol=1e-8)
+    by_vertices = jax.jit(jax.jacfwd(all_normals))(vertices)
+    assert (jnp.abs(by_vertices).max(axis=(1, 2, 3)) > 0.01).all()

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from registry import ATTENUATIONS
 
 import diffshade as ds
-from registry import ATTENUATIONS
 
 DISTANCES = np.array([1e-6, 0.01, 0.5, 1.0, 2.0, 25.02, 1e3, 1e6])
 

@@ -11,17 +11,19 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from shared import SHARED
 
 import diffshade as ds
 import fitting
 from diffshade.io.encoding import decode, encode_srgb
 from diffshade.vector import Vec3, reflect
-from shared import SHARED
 
 FILE = SHARED / "data" / "reference_values.json"
 ENTRIES: list[dict[str, Any]] = json.loads(FILE.read_text()) if FILE.exists() else []
 
-pytestmark = pytest.mark.skipif(not ENTRIES, reason="../shared/data/reference_values.json is absent")
+pytestmark = pytest.mark.skipif(
+    not ENTRIES, reason="../shared/data/reference_values.json is absent"
+)
 
 ELSEWHERE = {
     "face_normals (flat shading)": "tests/geometry/test_normals.py",
@@ -96,7 +98,9 @@ def diffuse(i: dict[str, Any], expected: np.ndarray) -> np.ndarray:
         return shade((0, 0, 0), i["normal"], ds.ParallelLight(i["direction_to_light"]), material)[0]
     return np.stack(
         [
-            shade((0, 0, 0), i["normal"][m], ds.ParallelLight(i["direction_to_light"][m]), material)[0]
+            shade(
+                (0, 0, 0), i["normal"][m], ds.ParallelLight(i["direction_to_light"][m]), material
+            )[0]
             for m in i["point_to_mesh"]
         ]
     )
@@ -127,7 +131,9 @@ def reflected(i: dict[str, Any], expected: np.ndarray) -> np.ndarray:
 def diffuse_bsdf(i: dict[str, Any], expected: np.ndarray) -> np.ndarray:
     """rho / pi n.l: the light comes along theta_o."""
     l = (np.sin(i["theta_o"]), 0.0, np.cos(i["theta_o"]))
-    return shade((0, 0, 0), i["normal"], ds.ParallelLight(l), ds.Material(kd=i["reflectance"] / np.pi))[0, 0]
+    return shade(
+        (0, 0, 0), i["normal"], ds.ParallelLight(l), ds.Material(kd=i["reflectance"] / np.pi)
+    )[0, 0]
 
 
 def fitted_power(i: dict[str, Any], expected: Any) -> dict[str, float]:

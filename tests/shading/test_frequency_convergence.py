@@ -16,16 +16,22 @@ MATERIAL = ds.Material(ka=0.1, kd=0.6, specular=ds.Phong(ks=0.5, shininess=15.0)
 def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices on the unit sphere and faces: an icosahedron, each face split in four `level` times."""
     g = (1 + 5**0.5) / 2
-    v = np.array(
-        [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
-        + [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)],
-        float,
-    )
+    edge = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0)]
+    v = np.array([(*p[-k:], *p[:-k]) if k else p for k in (0, 1, 2) for p in edge], float)
+    distance = np.linalg.norm(v[:, None] - v[None], axis=-1)
+    near = np.isclose(distance, 2.0)
     f = np.array(
-        [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4)]
-        + [(11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8)]
-        + [(3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+        [
+            (a, b, c)
+            for a in range(12)
+            for b in range(a)
+            for c in range(b)
+            if near[a, b] and near[b, c] and near[a, c]
+        ]
     )
+    a, b, c = (v[f[:, k]] for k in range(3))
+    outward = np.sum(np.cross(b - a, c - a) * a, axis=1)
+    f[outward < 0] = f[outward < 0, ::-1]
     v = v / np.linalg.norm(v, axis=1, keepdims=True)
     for _ in range(level):
         edges = np.sort(f[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import reference
 
 import diffshade as ds
-import reference
 
 SPHERE = {"kind": "sphere", "center": (0.1, -0.2, 0.3), "radius": 0.9}
 CAMERAS = {
@@ -74,12 +74,12 @@ def test_repeated_calls_do_not_compile_again() -> None:
     """Plain numbers became arrays when the objects were built."""
     gbuffer, scene, _ = ours(CAMERAS["orthographic"])
     ds.render(gbuffer, scene, ds.Material(kd=0.5, specular=ds.Phong(0.5, 10.0)))
-    from diffshade.shading.render import _planes_wide
+    from diffshade.shading.render import _planes_jit
 
-    before = _planes_wide._cache_size()
+    before = _planes_jit()._cache_size()
     for k in range(3):
         ds.render(gbuffer, scene, ds.Material(kd=0.1 * k, specular=ds.Phong(k, 10 + k)))
-    assert _planes_wide._cache_size() == before
+    assert _planes_jit()._cache_size() == before
 
 
 def test_object_colours_multiply(tolerance: float) -> None:
@@ -126,7 +126,7 @@ def test_maps_of_coefficients(tolerance: float) -> None:
 
 
 def test_nothing_lit_is_black_and_a_number_fills_the_foreground() -> None:
-    gbuffer, scene, _ = ours(CAMERAS["orthographic"])
+    gbuffer, _, _ = ours(CAMERAS["orthographic"])
     dark = ds.render(gbuffer, ds.Scene(), ds.Material(kd=0.5))
     assert dark.shape == (32, 40, 1)
     assert not np.any(dark)

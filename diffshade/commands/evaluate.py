@@ -1,0 +1,106 @@
+"""`diffshade evaluate`: how well a fitted material predicts other photographs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diffshade.commands.console import naming, progress, show
+from diffshade.errors import BadInput
+from diffshade.io.toml_document import Table
+
+if TYPE_CHECKING:
+    from diffshade.io.capture import Capture
+    from diffshade.light.attenuation import QuadraticAttenuation
+    from diffshade.reflectance.material import Material
+
+__all__ = ["evaluate", "evaluate_capture"]
+
+
+def evaluate(
+    fit_json: Path,
+    path: Path,
+    *,
+    as_json: bool,
+    white: float | None,
+    circle: tuple[float, float, float] | None,
+    encoding: str | float | None,
+) -> int:
+    """Evaluate a fit on a capture and print the result; returns the exit status."""
+    from fitting.report_text import evaluation_report
+
+    document = evaluate_capture(fit_json, path, white=white, circle=circle, encoding=encoding)
+    show(document, evaluation_report(document), as_json=as_json)
+    return 0
+
+
+def evaluate_capture(
+    fit_json: Path,
+    path: Path,
+    *,
+    white: float | None = None,
+    circle: tuple[float, float, float] | None = None,
+    encoding: str | float | None = None,
+) -> dict[str, Any]:
+    """Read a fit and a capture; how the one predicts the other, as a document.
+
+    Where the capture asks for attenuation constants to be fitted, the fit's are used.
+    """
+    progress(f"reading {path}")
+    from diffshade.io.capture import read_capture
+    from fitting.gauge import with_attenuation
+    from fitting.inputs import match
+    from fitting.report import evaluation_to_json, material_from_json
+    from fitting.residual import evaluate
+
+    material, attenuation = material_from_json(_read_json(fit_json))
+    capture = read_capture(path, white=white, circle=circle, encoding=encoding)
+    _check(capture, path, material, attenuation, fit_json)
+    scenes = capture.scenes
+    if capture.fit_attenuation is not None and attenuation is not None:
+        scenes = tuple(with_attenuation(scene, attenuation) for scene in scenes)
+    progress(f"predicting {len(capture.images)} images")
+    with naming(path):
+        photographs = match(capture.images, capture.gbuffer, scenes, capture.valid)
+        return evaluation_to_json(evaluate(material, photographs), capture)
+
+
+def _read_json(path: Path) -> Table:
+    """The object of a JSON file, to be read strictly."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BadInput(f"{path}: there is no such file; check the path") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except (ValueError, RecursionError) as error:
+        detail = " ".join(str(error).split())
+        raise BadInput(f"{path}: is not JSON ({detail}); give a fit.json") from None
+    if not isinstance(document, dict):
+        raise BadInput(f"{path}: holds no JSON object; give a fit.json")
+    return Table(path, "", document)
+
+
+def _check(
+    capture: Capture,
+    path: Path,
+    material: Material,
+    attenuation: QuadraticAttenuation | None,
+    fit_json: Path,
+) -> None:
+    """Refuse a fit that is not for captures of this form."""
+    import jax
+
+    if capture.fit_attenuation is not None and attenuation is None:
+        raise BadInput(
+            f"{path}: leaves the attenuation to be fitted, and {fit_json} has none; give its lights"
+            " their constants"
+        )
+    channel_count = capture.images[0].shape[2]
+    found = {leaf.shape[0] for leaf in jax.tree.leaves(material) if leaf.ndim} - {1, channel_count}
+    if found:
+        raise BadInput(
+            f"{path}: images of {channel_count} channel{'s' * (channel_count > 1)}, where {fit_json}"
+            f" has coefficients for {min(found)}; give photographs like those of the fit"
+        )

@@ -1,0 +1,131 @@
+"""`diffshade fit`: the coefficients of a material from photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from diffshade.commands.console import WrongUsage, naming, progress, show
+from diffshade.commands.folder import check_folder, write_folder
+from diffshade.errors import BadInput
+
+if TYPE_CHECKING:
+    from diffshade.io.capture import Capture
+    from diffshade.reflectance.material import Material
+    from fitting.estimate import Fit
+
+__all__ = ["Fitted", "Hold", "fit", "fit_capture"]
+
+Hold = tuple[str, tuple[float, ...]]
+"""The name of a coefficient and the value it is held at: one number, or one a channel."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit, what it was fitted to, and its document."""
+
+    capture: Capture
+    fit: Fit
+    document: dict[str, Any]
+
+    def write(self, folder: Path, document: Mapping[str, Any], report: str) -> None:
+        """Write a folder of results."""
+        progress(f"writing {folder}")
+        write_folder(
+            folder, document, report, self.capture, self.fit.material, tuple(self.fit.scene)
+        )
+
+    @property
+    def status(self) -> int:
+        """The exit status: 0, or 1 where the search did not converge."""
+        return 0 if self.fit.converged else 1
+
+
+def fit(
+    path: Path,
+    *,
+    out: Path | None,
+    as_json: bool,
+    model: str,
+    hold: tuple[Hold, ...],
+    white: float | None,
+    circle: tuple[float, float, float] | None,
+    encoding: str | float | None,
+) -> int:
+    """Fit a capture, print the result, write it where `out` says; returns the exit status."""
+    from fitting.report_text import fit_report
+
+    if out is not None:
+        check_folder(out)
+    fitted = fit_capture(
+        path, model=model, hold=hold, white=white, circle=circle, encoding=encoding
+    )
+    report = fit_report(fitted.document)
+    if out is not None:
+        fitted.write(out, fitted.document, report)
+    show(fitted.document, report, as_json=as_json)
+    return fitted.status
+
+
+def fit_capture(
+    path: Path,
+    *,
+    model: str = "phong",
+    hold: tuple[Hold, ...] = (),
+    white: float | None = None,
+    circle: tuple[float, float, float] | None = None,
+    encoding: str | float | None = None,
+) -> Fitted:
+    """Read a capture and fit it."""
+    started = perf_counter()
+    progress(f"reading {path}")
+    import fitting
+    from diffshade.io.capture import read_capture
+    from fitting.named_models import named_material
+    from fitting.report import fit_to_json
+
+    capture = read_capture(path, white=white, circle=circle, encoding=encoding)
+    ambient = any(scene.ambient is not None for scene in capture.scenes)
+    material = named_material(model, ambient=ambient)
+    held = _held(material, hold, capture.images[0].shape[2])
+    loaded = perf_counter()
+    progress(f"fitting {len(capture.images)} images: compiling, which is kept, then searching")
+    with naming(path):
+        found = fitting.fit(
+            capture.images,
+            capture.gbuffer,
+            capture.scenes,
+            material=held,
+            attenuation=capture.fit_attenuation,
+            hold=[name for name, _ in hold],
+            valid=capture.valid,
+        )
+    seconds = {"load": loaded - started, "fit": perf_counter() - loaded}
+    return Fitted(capture, found, fit_to_json(found, capture, model=model, seconds=seconds))
+
+
+def _held(material: Material, hold: tuple[Hold, ...], channel_count: int) -> Material:
+    """The material with the values of what is held."""
+    import equinox as eqx
+    import jax.numpy as jnp
+
+    from fitting.model import coefficient, held_names
+
+    for name, values in hold:
+        try:
+            names = held_names([name], material)
+        except BadInput as error:
+            raise WrongUsage(f"--hold: {error}") from None
+        counts = (1,) if name.endswith("shininess") else (1, channel_count)
+        if len(values) not in counts:
+            raise WrongUsage(
+                f"--hold {name}: {len(values)} numbers; give"
+                f" {' or '.join(map(str, dict.fromkeys(counts)))}"
+            )
+        value = jnp.asarray(values if len(values) > 1 else values[0], float)
+        for full in names:
+            material = eqx.tree_at(lambda m: coefficient(m, full), material, value)  # noqa: B023
+    return material

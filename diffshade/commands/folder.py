@@ -1,0 +1,63 @@
+"""The folder of results: made when there is something to write, whole when `fit.json` is in it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diffshade.commands.console import to_text
+from diffshade.commands.pictures import earlier_pictures, write_pictures
+from diffshade.errors import BadInput
+from diffshade.io.atomic import replacing
+
+if TYPE_CHECKING:
+    from diffshade.io.capture import Capture
+    from diffshade.reflectance.material import Material
+    from diffshade.scene import Scene
+
+__all__ = ["check_folder", "write_folder"]
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse, before the work, a folder that could not be made after it. Makes nothing."""
+    nearest = folder
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
+    if not nearest.is_dir():
+        raise BadInput(f"{nearest}: is not a folder, so nothing can be written there; name another")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise BadInput(f"{nearest}: is not writable; name another folder")
+
+
+def write_folder(
+    folder: Path,
+    document: Mapping[str, Any],
+    report: str,
+    capture: Capture,
+    material: Material,
+    scenes: tuple[Scene, ...],
+) -> None:
+    """Write the pictures, `report.txt` and, last, `fit.json`; each file whole or not at all.
+
+    The `fit.json` of an earlier fit is removed first, and then its pictures.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if (folder / "fit.json").exists():
+            (folder / "fit.json").unlink()
+            for old in earlier_pictures(folder):
+                old.unlink()
+    except OSError as error:
+        raise BadInput(
+            f"{folder}: cannot be written ({error.strerror}); name another folder"
+        ) from None
+    pictures = write_pictures(folder, capture, material, scenes)
+    _write_text(folder / "report.txt", f"{report}\n\n{pictures}\n")
+    _write_text(folder / "fit.json", to_text(document) + "\n")
+
+
+def _write_text(path: Path, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

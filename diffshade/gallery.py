@@ -1,0 +1,199 @@
+"""The pictures of a course on shading, one call each: arrays with titles, to be shown with anything.
+
+Titles hold mathematics between dollar signs, as Matplotlib and Markdown read it. Nothing here is
+drawn: an image is linear radiance [H, W, C], as `render` gives it.
+"""
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import fields, replace
+from operator import attrgetter
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from diffshade import guard
+from diffshade.arrays import ArrayLike, floats, optional
+from diffshade.errors import BadInput
+from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.parallel import ParallelLight
+from diffshade.reflectance.material import Material
+from diffshade.reflectance.phong import Phong
+from diffshade.scene import Scene
+from diffshade.shading.render import render
+
+__all__ = [
+    "Picture",
+    "composition",
+    "cosine_powers",
+    "direction",
+    "light_by_light",
+    "lit_from",
+    "vary",
+]
+
+SYMBOLS = {"ka": "k_a", "kd": "k_d", "ks": "k_s", "shininess": "n", "od": "O_d", "os": "O_s"}
+"""Coefficients as the texts write them."""
+
+
+class Picture(NamedTuple):
+    """An image and what to write above it."""
+
+    title: str
+    image: Float[Array, "H W C"]
+
+
+def composition(gbuffer: GBuffer, scene: Scene, material: Material) -> list[Picture]:
+    """Ambient, then with diffuse, then with specular reflection: LIGHT-13 term by term.
+
+    What a picture lacks is left out of the program, not multiplied by zero. A term that scene or
+    material lack has no picture; the last picture is the whole render.
+
+    >>> import diffshade as ds
+    >>> ball = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene = ds.Scene(ambient=0.2, lights=ds.ParallelLight((0, 0, 1)))
+    >>> [title for title, image in composition(ball, scene, ds.Material(ka=0.5, kd=0.5))]
+    ['ambient', 'ambient + diffuse']
+    """
+    lit = bool(scene.lights)
+    matte = replace(material, specular=())
+    terms = (
+        ("ambient", scene.ambient is not None and material.ka is not None, replace(matte, kd=None)),
+        ("diffuse", lit and material.kd is not None, matte),
+        ("specular", lit and bool(material.specular), material),
+    )
+    pictures: list[Picture] = []
+    names: list[str] = []
+    for name, present, so_far in terms:
+        if present:
+            names.append(name)
+            pictures.append(Picture(" + ".join(names), render(gbuffer, scene, so_far)))
+    return pictures
+
+
+def light_by_light(gbuffer: GBuffer, scene: Scene, material: Material) -> list[Picture]:
+    """The ambient light alone, each light alone, and last all together, which is their sum.
+
+    >>> import diffshade as ds
+    >>> ball = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene = ds.Scene(lights=(ds.ParallelLight((1, 0, 1)), ds.ParallelLight((0, 1, 1))))
+    >>> [title for title, image in light_by_light(ball, scene, ds.Material(kd=0.5))]
+    ['light 1', 'light 2', 'all together']
+    """
+    alone = [(f"light {k}", Scene(lights=(light,))) for k, light in enumerate(scene.lights, 1)]
+    if scene.ambient is not None and material.ka is not None:
+        alone.insert(0, ("ambient light", Scene(ambient=scene.ambient)))
+    return [
+        Picture(title, render(gbuffer, part, material))
+        for title, part in [*alone, ("all together", scene)]
+    ]
+
+
+def vary(
+    gbuffer: GBuffer, scene: Scene, material: Material, name: str, values: Iterable[ArrayLike]
+) -> list[Picture]:
+    """The effect of one coefficient: a picture for each of its values, all else as it is.
+
+    `name` is one that `fitting.fit` uses: "ka", "kd", "specular.ks", "specular.shininess" (of every
+    lobe), "specular.0.ks" (of one), or "od", "os". Raises `BadInput` for a name that the material
+    lacks: a coefficient that is None is a term that is absent, and has no value to vary.
+
+    >>> import diffshade as ds
+    >>> ball = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene = ds.Scene(lights=ds.ParallelLight((0, 0, 1)))
+    >>> [title for title, image in vary(ball, scene, ds.Material(kd=0.5), "kd", (0.2, 0.8))]
+    ['$k_d = 0.2$', '$k_d = 0.8$']
+    """
+    where = _coefficients(material, name)
+    field = name.rpartition(".")[2]
+    symbol = SYMBOLS.get(field, field)
+    pictures = []
+    for number in map(floats(name), values):
+        changed = eqx.tree_at(where, material, replace_fn=lambda _: number)  # noqa: B023
+        pictures.append(Picture(f"${symbol} = {_brief(number)}$", render(gbuffer, scene, changed)))
+    return pictures
+
+
+def cosine_powers(exponents: ArrayLike, angles: ArrayLike) -> Float[Array, "N A"]:
+    """max(0, cos alpha)^n, the fall-off of LIGHT-5: a row for each exponent n >= 0.
+
+    `angles` are in radians, between the mirror direction r and the viewer. Not smooth at a right
+    angle, beyond which it is 0.
+
+    >>> cosine_powers([1, 2], [0.0, np.pi / 3]).round(4).tolist()
+    [[1.0, 0.5], [1.0, 0.25]]
+    """
+    n = jnp.atleast_1d(floats("exponents")(exponents))
+    alpha = jnp.atleast_1d(floats("angles")(angles))
+    return guard.power(jnp.cos(alpha)[None, :], n[:, None])
+
+
+def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Float[Array, "3"]:
+    """The unit vector at angles in radians: to the right of the viewer, and up from the horizon.
+
+    Both zero is the viewer's own direction, +z: (cos e sin a, sin e, cos e cos a).
+
+    >>> direction(0.0, 0.0).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    a, e = floats("azimuth")(azimuth), floats("elevation")(elevation)
+    return jnp.stack([jnp.cos(e) * jnp.sin(a), jnp.sin(e), jnp.cos(e) * jnp.cos(a)])
+
+
+def lit_from(
+    gbuffer: GBuffer,
+    *,
+    ka: ArrayLike,
+    kd: ArrayLike,
+    ks: ArrayLike,
+    shininess: ArrayLike,
+    azimuth: ArrayLike,
+    elevation: ArrayLike,
+    ambient: ArrayLike = 1.0,
+    intensity: ArrayLike = 1.0,
+    od: ArrayLike | None = None,
+) -> Float[Array, "H W C"]:
+    """A glossy surface under one parallel light from a `direction` in radians: what sliders move.
+
+    Every number is an argument of one compiled program, so that dragging never compiles again.
+
+    >>> import diffshade as ds
+    >>> ball = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> lit_from(ball, ka=0.1, kd=0.5, ks=0.4, shininess=20, azimuth=0.3, elevation=0.5).shape
+    (8, 8, 1)
+    """
+    light = ParallelLight(direction(azimuth, elevation), floats("intensity")(intensity))
+    lobe = Phong(floats("ks")(ks), floats("shininess")(shininess))
+    material = Material(floats("ka")(ka), floats("kd")(kd), (lobe,), optional(floats("od"))(od))
+    return render(gbuffer, Scene(floats("ambient")(ambient), (light,)), material)
+
+
+def _coefficients(material: Material, name: str) -> Callable[[Material], list[Array]]:
+    """Where the coefficients of a name are in a material."""
+    known: dict[str, Callable[[Material], Array]] = {
+        field: attrgetter(field)
+        for field in ("ka", "kd", "od", "os")
+        if getattr(material, field) is not None
+    }
+    for j, lobe in enumerate(material.specular):
+        for field in fields(lobe):
+            known[f"specular.{j}.{field.name}"] = _of_lobe(j, field.name)
+    chosen = [get for full, get in known.items() if name in (full, re.sub(r"\.\d+", "", full))]
+    if not chosen:
+        raise BadInput(
+            f"the coefficient to vary is {name!r}, which this material lacks: it has"
+            f" {', '.join(known) or 'none'}"
+        )
+    return lambda material: [get(material) for get in chosen]
+
+
+def _of_lobe(j: int, field: str) -> Callable[[Material], Array]:
+    return lambda material: getattr(material.specular[j], field)
+
+
+def _brief(value: Float[Array, "..."]) -> str:
+    numbers = ", ".join(f"{number:g}" for number in np.ravel(value)[:4])
+    return f"({numbers}{', ...' if np.size(value) > 4 else ''})" if np.ndim(value) else numbers

@@ -1,0 +1,255 @@
+"""Reports: the JSON documents, a material back from one, and the tables for people."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from diffshade import BlinnPhong, Material, Phong, QuadraticAttenuation, Scene
+from diffshade.cli import Model
+from diffshade.errors import BadInput
+from diffshade.io.toml_document import Table
+from fitting.estimate import Fit
+from fitting.identify import Unidentified
+from fitting.named_models import MODELS, named_material
+from fitting.report import evaluation_to_json, fit_to_json, material_from_json
+from fitting.report_text import evaluation_report, fit_report, table, truth_table, uncertain
+from fitting.residual import Evaluation, ImageResidual
+
+KD, KS = (0.1, 0.2, 1 / 3), (0.5, 0.25, 0.125)
+CAPTURE = SimpleNamespace(
+    names=("a.png", "b.png"),
+    clipped=(np.array([[True, False]]), np.array([[True, True]])),
+    notes=("images read as linear",),
+)
+PER_IMAGE = (ImageResidual(0.01, 100, 1), ImageResidual(0.03, 99, 2))
+LAW = {"c0": 1.0, "c1": 0.0, "c2": 0.25}
+
+
+def a_fit(*, attenuation: bool = False) -> Fit:
+    material = Material(kd=jnp.asarray(KD), specular=Phong(jnp.asarray(KS), jnp.asarray(60.0)))
+    coefficients = {"kd": KD, "specular.0.ks": KS, "specular.0.shininess": 60.0}
+    errors = {"kd": (1e-3, 2e-3, np.inf), "specular.0.ks": (1e-2,) * 3}
+    if attenuation:
+        coefficients |= {f"attenuation.{name}": value for name, value in LAW.items()}
+        errors |= {"attenuation.c0": 1e-19, "attenuation.c1": 1e-3, "attenuation.c2": 2e-3}
+        reference = {"l0": 0.5, "l1": 0.0, "l2": 0.5, "kd": KD, "specular.0.ks": KS}
+        coefficients |= {f"reference.{name}": value for name, value in reference.items()}
+        errors |= {f"reference.{name}": 0.01 * np.ones_like(v) for name, v in reference.items()}
+    return Fit(
+        material=material,
+        scene=Scene(),
+        coefficients={name: np.asarray(value) for name, value in coefficients.items()},
+        standard_errors={name: np.asarray(value) for name, value in errors.items()},
+        unidentified=(Unidentified(("kd",), "no pixel tells " + "and tells " * 20),),
+        relative_residual=0.02,
+        fraction_excluded=0.015,
+        per_image=PER_IMAGE,
+        noise=float("nan"),
+        converged=True,
+        steps=7,
+        reference_distance=2.0 if attenuation else None,
+    )
+
+
+def document(*, attenuation: bool = False) -> dict:
+    made = fit_to_json(
+        a_fit(attenuation=attenuation), CAPTURE, model="phong", seconds={"load": 0.5, "fit": 1.0}
+    )
+    return json.loads(json.dumps(made, allow_nan=False))
+
+
+def as_table(made: object) -> Table:
+    return Table(Path("fit.json"), "", made)  # type: ignore[arg-type]
+
+
+# JSON
+
+
+def test_a_fit_as_json() -> None:
+    made = document()
+    assert made["coefficients"] == {
+        "ka": None,  # absent, which zero is not
+        "kd": list(KD),
+        "lobes": [{"kind": "phong", "ks": list(KS), "shininess": 60.0}],
+        "body": None,
+        "attenuation": None,
+    }
+    assert made["standard_errors"] == {
+        "ka": None,
+        "kd": [1e-3, 2e-3, None],  # infinite
+        "lobes": [{"kind": "phong", "ks": [1e-2] * 3, "shininess": None}],  # held
+        "body": None,
+        "attenuation": None,
+    }
+    assert made["held"] == ["specular.0.shininess"]
+    assert made["noise"] is None
+    assert made["unidentified"][0]["coefficients"] == ["kd"]
+    assert made["per_image"][1] == {
+        "file": "b.png",
+        "relative_residual": 0.03,
+        "pixels_used": 99,
+        "pixels_clipped": 2,
+    }
+    assert made["seconds"] == {"load": 0.5, "fit": 1.0}
+
+
+def test_a_fitted_attenuation_as_json() -> None:
+    made = document(attenuation=True)
+    found, errors = made["coefficients"]["attenuation"], made["standard_errors"]["attenuation"]
+    shares = {"l0": 0.5, "l1": 0.0, "l2": 0.5}
+    reference = {"reference_distance": 2.0, **shares, "kd": list(KD), "ks": [list(KS)]}
+    assert found == {"kind": "quadratic", **LAW, **reference}
+    assert found.keys() == errors.keys()
+    assert errors["reference_distance"] is None
+    assert errors["kd"] == [0.01] * 3
+
+
+def test_an_evaluation_as_json() -> None:
+    made = evaluation_to_json(Evaluation(float("inf"), 0.5, PER_IMAGE), CAPTURE)
+    assert made["schema"] == "diffshade.evaluate/1"
+    assert made["relative_residual"] is None
+    assert made["fraction_excluded"] == 0.5
+    assert [row["file"] for row in made["per_image"]] == ["a.png", "b.png"]
+
+
+@pytest.mark.parametrize("attenuation", [False, True])
+def test_the_material_of_a_document_is_that_of_the_fit(attenuation: bool) -> None:
+    material, law = material_from_json(as_table(document(attenuation=attenuation)))
+    fitted = a_fit().material
+    assert jax.tree.structure(material) == jax.tree.structure(fitted)
+    pairs = zip(jax.tree.leaves(material), jax.tree.leaves(fitted), strict=True)
+    assert all(np.array_equal(one, other) and one.dtype == other.dtype for one, other in pairs)
+    assert isinstance(law, QuadraticAttenuation) == attenuation
+    if law is not None:
+        assert {name: float(getattr(law, name)) for name in LAW} == LAW
+
+
+def test_other_lobes_and_keys_of_later_versions_are_read() -> None:
+    made = document()
+    made["coefficients"]["lobes"][0]["kind"] = "blinn_phong"
+    made["coefficients"]["kd"] = None
+    made["later"] = 1
+    material, _ = material_from_json(as_table(made))
+    assert isinstance(material.specular[0], BlinnPhong)
+    assert material.kd is None
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda d: d.update(schema="diffshade.evaluate/1"), "schema"),
+        (lambda d: d.pop("coefficients"), "coefficients"),
+        (lambda d: d["coefficients"].update(kd="0.5"), "kd"),
+        (lambda d: d["coefficients"].update(kd=[0.5, float("nan"), 0.5]), "kd"),
+        (lambda d: d["coefficients"].update(body={"kind": "other"}), "body"),
+        (lambda d: d["coefficients"].update(kd=None, lobes=[]), "no coefficient"),
+        (lambda d: d["coefficients"]["lobes"][0].update(kind="ward"), "lobe 1: kind"),
+        (lambda d: d["coefficients"]["lobes"][0].update(alpha=0.1), "alpha"),
+        (lambda d: d["coefficients"]["lobes"][0].pop("shininess"), "shininess"),
+        (lambda d: d["coefficients"]["lobes"][0].update(shininess=-1), "shininess"),
+        (lambda d: d["coefficients"]["attenuation"].update(kind="linear"), "attenuation: kind"),
+        (lambda d: d["coefficients"]["attenuation"].pop("c2"), "c2"),
+        (lambda d: d["coefficients"]["attenuation"].update(c1=None), "c1"),
+    ],
+)
+def test_what_is_no_fit_is_refused_in_one_line(spoil, says: str) -> None:
+    made = document(attenuation=True)
+    spoil(made)
+    with pytest.raises(BadInput) as caught:
+        material_from_json(as_table(made))
+    message = str(caught.value)
+    assert message.startswith("fit.json: ")
+    assert says in message
+    assert "\n" not in message
+
+
+def test_the_command_line_offers_the_models_that_have_names() -> None:
+    assert set(get_args(Model)) == set(MODELS)
+    assert named_material("lambert", ambient=False).specular == ()
+    first, second = named_material("phong2", ambient=True).specular
+    assert first.shininess > second.shininess
+
+
+# Text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "note", "reads"),
+    [
+        (0.161818, 4.57e-5, "", ("0.161818", "+/- 0.000046")),
+        (559.4034, 0.8004, "", ("559.40", "+/- 0.80")),
+        (12345.6, 789.0, "", ("12346", "+/- 789")),
+        (0.0, 3e-5, "", ("0.000000", "+/- 0.000030")),
+        (0.1 + 0.2, 1e-17, "", ("0.3", "+/- 1e-17")),
+        (0.5, 0.0, "", ("0.5", "+/- 0e+00")),
+        (0.5, None, "held", ("0.5", "(held)")),
+        (0.5, None, "", ("0.5", "(error unknown)")),
+        (None, 0.1, "", ("not finite", "")),
+    ],
+)
+def test_a_value_and_its_error(value, error, note: str, reads: tuple[str, str]) -> None:
+    assert uncertain(value, error, note) == reads
+
+
+def test_columns_are_aligned() -> None:
+    lines = table([("", "x", ""), ("kd", "1.0", "+/- 0.1"), ("shininess", "20", "")], "<><")
+    assert lines.splitlines() == [
+        "              x",
+        "kd          1.0 +/- 0.1",
+        "shininess    20",
+    ]
+
+
+def test_the_report_says_everything() -> None:
+    report = fit_report(document(attenuation=True))
+    for said in (
+        "model phong",
+        "red",
+        "(held)",
+        "(error unknown)",
+        "c2",
+        "(by convention)",
+        "d0 = 2",
+    ):
+        assert said in report
+    for said in ("not identified: kd: no pixel tells", "0.02 of 2 images", "1.5 %", "3 clipped"):
+        assert said in report
+    assert "note: images read as linear" in report
+    assert "CONVERGE" not in report
+    assert max(map(len, report.splitlines())) <= 106
+    assert report.isascii()
+
+
+def test_a_report_of_what_went_badly() -> None:
+    fit = replace(a_fit(), converged=False, relative_residual=float("inf"))
+    made = fit_to_json(fit, CAPTURE, model="phong", seconds={})
+    report = fit_report(made)
+    assert "DID NOT CONVERGE" in report
+    assert "relative residual not finite" in report
+
+
+def test_of_many_images_the_worst_are_named() -> None:
+    made = document()
+    made["per_image"] = [
+        {"file": f"{k}.png", "relative_residual": k / 100, "pixels_used": 1, "pixels_clipped": 0}
+        for k in range(30)
+    ]
+    report = evaluation_report(made)
+    assert all(f"{k}.png" in report for k in (0, 1, 27, 28, 29))
+    assert "12.png" not in report
+
+
+def test_the_truth_beside_what_was_recovered() -> None:
+    truth = {"kd": [0.1, 0.1, 0.1], "ks": [0.5] * 3, "shininess": 50.0, "attenuation": LAW}
+    lines = truth_table(truth, document(attenuation=True)).splitlines()
+    green = next(line for line in lines if "green" in line).split()
+    assert green == ["kd", "green", "0.1", "0.2000", "+/-", "0.0020", "+100.0000", "%", "+50.0"]
+    shininess = next(line for line in lines if line.startswith("shininess")).split()
+    assert shininess == ["shininess", "50", "60", "(held)", "+20.0000", "%"]
