@@ -48,7 +48,7 @@ def evaluate_capture(
     Where the capture asks for attenuation constants to be fitted, the fit's are used.
     """
     progress(f"reading {path}")
-    from diffshade.io.capture import read_capture
+    from diffshade.io.read_capture import read_capture
     from fitting.gauge import with_attenuation
     from fitting.inputs import match
     from fitting.report import evaluation_to_json, material_from_json

@@ -83,7 +83,7 @@ def fit_capture(
     started = perf_counter()
     progress(f"reading {path}")
     import fitting
-    from diffshade.io.capture import read_capture
+    from diffshade.io.read_capture import read_capture
     from fitting.named_models import named_material
     from fitting.report import fit_to_json
 

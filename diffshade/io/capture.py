@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
     from diffshade.light.attenuation import QuadraticAttenuation
     from diffshade.scene import Scene
 
-__all__ = ["Capture", "assemble", "read_capture"]
+__all__ = ["Capture", "assemble"]
 
 Pixels = Float[np.ndarray, "H W C"]
 Mask = Bool[np.ndarray, "H W"]
@@ -47,60 +45,6 @@ class Capture:
     """The attenuation whose constants are to be fitted, one set for all lights; None: all known."""
     notes: tuple[str, ...] = ()
     """What was assumed or found on reading, one line each, for the user to see."""
-
-
-def read_capture(
-    path: str | os.PathLike[str],
-    *,
-    white: float | None = None,
-    circle: tuple[float, float, float] | None = None,
-    encoding: str | float | None = None,
-) -> Capture:
-    """Read a folder in the photometric-stereo layout, an RTI `.lp` file, a `capture.toml`, or the
-    folder that holds one (which goes before the layout).
-
-    `white` is the encoded level at which the sensor clips, as a part of full scale (in the units of
-    a floating-point file). `circle` is the outline (cx, cy, radius) of a ball in pixels from the
-    top left corner, where the first pixel's centre is (0.5, 0.5). `encoding` is "linear", "srgb"
-    or a gamma, and goes before what the files say.
-
-    Raises `BadInput`, in one line, for whatever cannot be used.
-
-    >>> capture = read_capture("diligent_ball")
-    >>> fit = fitting.fit(
-    ...     capture.images, capture.gbuffer, capture.scenes, valid=capture.valid,
-    ...     attenuation=capture.fit_attenuation,
-    ... )
-    """
-    path = Path(path)
-    if (path / "capture.toml").is_file():
-        path = path / "capture.toml"
-    if path.is_dir():
-        from diffshade.io.photometric_stereo import FILES, read_photometric_stereo
-
-        if not any((path / name).is_file() for name in FILES):
-            raise BadInput(_no_capture_in(path, FILES))
-        return read_photometric_stereo(path, white=white, circle=circle, encoding=encoding)
-    if not path.exists():
-        raise BadInput(f"{path}: there is no such file or folder; check the path")
-    match path.suffix.lower():
-        case ".lp":
-            from diffshade.io.lp import read_lp
-
-            return read_lp(path, white=white, circle=circle, encoding=encoding)
-        case ".toml":
-            from diffshade.io.capture_toml import read_capture_toml
-
-            if circle is not None:
-                raise BadInput(
-                    f"{path}: a circle was given, but this file states its own geometry; leave out"
-                    " --circle, or change geometry and camera there"
-                )
-            return read_capture_toml(path, white=white, encoding=encoding)
-    raise BadInput(
-        f"{path}: is not a capture; give a folder in the photometric-stereo layout, an .lp file or"
-        " a capture.toml"
-    )
 
 
 def assemble(
@@ -137,12 +81,4 @@ def assemble(
         scenes=tuple(scenes),
         fit_attenuation=fit_attenuation,
         notes=(*notes, *photography.notes(photographs, mask), *spent),
-    )
-
-
-def _no_capture_in(folder: Path, files: Sequence[str]) -> str:
-    lp = sorted(file.name for file in folder.glob("*.[lL][pP]"))
-    instead = f"; it holds {lp[0]}: give that file" if lp else ""
-    return (
-        f"{folder}: holds neither capture.toml nor {' and '.join(files)}{instead or '; add them'}"
     )

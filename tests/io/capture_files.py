@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diffshade.errors import BadInput
-from diffshade.io.capture import read_capture
+from diffshade.io.read_capture import read_capture
 
 HEIGHT, WIDTH = 12, 16
 SRGB = b"\x00\x00\x00\x01sRGB\x00\xae\xce\x1c\xe9"

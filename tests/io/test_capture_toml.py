@@ -9,7 +9,7 @@ import reference
 from capture_files import HEIGHT, SRGB, WIDTH, codes, disc, refusal, write_mask, write_png
 
 import diffshade
-from diffshade.io.capture import read_capture
+from diffshade.io.read_capture import read_capture
 from diffshade.light.attenuation import QuadraticAttenuation
 from diffshade.light.parallel import ParallelLight
 from diffshade.light.point import PointLight

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from capture_files import HEIGHT, WIDTH, codes, photometric_stereo
 
-from diffshade.io.capture import read_capture
 from diffshade.io.clipping import clipped, plateau
 from diffshade.io.image import write_exr
+from diffshade.io.read_capture import read_capture
 
 EVERYWHERE = np.ones((40, 40), bool)
 

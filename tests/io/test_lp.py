@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from capture_files import SRGB, codes, disc, refusal, write_mask, write_png
 
-from diffshade.io.capture import read_capture
 from diffshade.io.lp import parse_lp
+from diffshade.io.read_capture import read_capture
 
 GAMA_1 = b"\x00\x00\x00\x04gAMA\x00\x01\x86\xa0\x31\xe8\x96\x5f"
 """A whole gAMA chunk that says linear."""

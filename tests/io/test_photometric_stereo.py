@@ -21,7 +21,8 @@ from scipy.io import savemat
 from shared import shared_data
 
 from diffshade.errors import BadInput
-from diffshade.io.capture import Capture, read_capture
+from diffshade.io.capture import Capture
+from diffshade.io.read_capture import read_capture
 
 IMAGES = {"a.png": codes(1), "b b.png": codes(2)}
 INTENSITIES = [(1.5, 2.0, 2.5), (0.5, 1.0, 0.75)]
