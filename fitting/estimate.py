@@ -113,7 +113,7 @@ def fit(
     found = search(_problem(model, limit, seen), limit.nodes, *limit.box)
 
     nearest = None if distances is None else jnp.asarray(distances[1], dtype)
-    recovery = Recovery(model, jnp.asarray(limit.natural_upper, dtype), nearest)
+    recovery = Recovery(found.model, jnp.asarray(limit.natural_upper, dtype), nearest)
     recovered, law = recovery.material(found.at.k, found.u)
     scenes_out = tuple(
         p.scene if law is None else with_attenuation(p.scene, law) for p in photographs
@@ -121,7 +121,8 @@ def fit(
     relit = [p._replace(scene=s) for p, s in zip(photographs, scenes_out, strict=True)]
     measured = evaluate(recovered, relit)
     observations = sum(int((view.weight > 0).sum()) for view in seen) * model.channel_count
-    uncertainty = propagate(found.at, found.u, limit.held, observations, recovery.coefficients)
+    known = np.concatenate([limit.held.ravel(), found.model.known])
+    uncertainty = propagate(found.at, found.u, known, observations, recovery.coefficients)
     values = {n: np.asarray(v) for n, v in recovery.coefficients(found.at.k, found.u).items()}
     free = {n: v for n, v in values.items() if n not in held}
     brightest = max(float(np.max(view.observed, initial=0.0)) for view in seen)

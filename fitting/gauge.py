@@ -6,9 +6,9 @@ reference distance d0, the geometric mean distance between lights and surface, t
     1/f(d) = l0 + l1 t + l2 t^2,   t = d / d0,   l >= 0,   l0 + l1 + l2 = 1,   so that f(d0) = 1.
 
 The triangle of (l0, l1, l2) holds no attenuation (1, 0, 0), pure inverse square (0, 0, 1) and all
-between. The search moves in the square (reach, bend): l1 = 1 - reach, l0 = reach (1 - bend),
-l2 = reach bend, whose edges are the triangle's, with the corner (0, 1, 0), a purely linear fall that no
-lamp has, drawn out into the edge reach = 0.
+between. The search moves two of the three, each bounded by 0; the third, the largest, makes up the sum,
+so that no edge or corner of the triangle is special. Where k_d or a k_s is held the scale is no longer
+free, the sum is f(d0)^-1, and all three move.
 """
 
 import jax.numpy as jnp
@@ -26,46 +26,45 @@ Number = Float[Array, ""]
 
 
 class ReferenceAttenuation(AbstractAttenuation):
-    """f(d) = gain / (l0 + l1 t + l2 t^2), t = d / distance: `gain` at the reference distance.
+    """f(d) = 1 / (l0 + l1 t + l2 t^2), t = d / distance, with l >= 0; not clamped."""
 
-    Not clamped. The gain is 1 unless something else fixes the scale.
-    """
-
-    reach: Number
-    bend: Number
+    l0: Number
+    l1: Number
+    l2: Number
     distance: Number
-    gain: Number
+
+    @property
+    def gain(self) -> Number:
+        """f at the reference distance."""
+        return guard.reciprocal(self.l0 + self.l1 + self.l2)
 
     @property
     def shares(self) -> tuple[Number, Number, Number]:
-        """(l0, l1, l2), none negative, of sum 1."""
-        return self.reach * (1 - self.bend), 1 - self.reach, self.reach * self.bend
+        """l0, l1, l2 as parts of their sum."""
+        return self.l0 * self.gain, self.l1 * self.gain, self.l2 * self.gain
 
     def __call__(self, d: Float[Array, "..."]) -> Float[Array, "..."]:
-        l0, l1, l2 = self.shares
         t = d / self.distance
-        return self.gain * guard.reciprocal(l0 + t * (l1 + t * l2))
+        return guard.reciprocal(self.l0 + t * (self.l1 + t * self.l2))
 
     def constants(self, scale: Number) -> tuple[Number, Number, Number]:
         """c0, c1, c2 of LIGHT-12, times `scale`, which k_d and k_s are to be multiplied by too."""
-        l0, l1, l2 = (scale / self.gain * share for share in self.shares)
-        return l0, l1 / self.distance, l2 / self.distance**2
+        d = self.distance
+        return scale * self.l0, scale * self.l1 / d, scale * self.l2 / (d * d)
 
     def natural_scale(self, nearest: Number, largest: Number) -> Number:
         """The common scale of c0, c1, c2, k_d and k_s, which no image can tell: a convention.
 
         It makes c0 = 1 where that can be: where there is an l0, and where no coefficient is pushed
-        past its upper bound (`largest` is the largest, over its bound, at f(d0) = 1). Otherwise the
-        coefficients grow as far as their bounds; and never so little that LIGHT-12's clamp, which
-        was not part of what was fitted, would act at the `nearest` distance.
+        past its upper bound (`largest` is the largest, over its bound, before scaling). Otherwise
+        the coefficients grow as far as their bounds; and never so little that LIGHT-12's clamp,
+        which was not part of what was fitted, would act at the `nearest` distance.
         """
-        l0, l1, l2 = self.shares
-        t = nearest / self.distance
-        least = guard.reciprocal(l0 + t * (l1 + t * l2))
-        wanted = jnp.where(l0 > 0, guard.reciprocal(l0), jnp.inf)
+        least = self(nearest)
+        wanted = jnp.where(self.l0 > 0, guard.reciprocal(self.l0), jnp.inf)
         most = jnp.where(largest > 0, guard.reciprocal(largest), jnp.inf)
         scale = jnp.minimum(wanted, most)
-        return jnp.maximum(jnp.where(jnp.isfinite(scale), scale, 1), least)
+        return jnp.maximum(jnp.where(jnp.isfinite(scale), scale, self.gain), least)
 
 
 def with_attenuation(scene: Scene, attenuation: AbstractAttenuation) -> Scene:

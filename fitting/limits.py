@@ -17,14 +17,12 @@ Bounds = Mapping[str, tuple[float | None, float | None]]
 REFLECTED = (0.0, 1.0)
 """Of k_a, k_d and k_s by default: a share of the light."""
 SHININESS = (0.1, 1e5)
-GAIN = (1e-6, 1e6)
 
 SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
-GAIN_NODES = np.log(np.geomspace(1e-3, 1e2, 6))
-# The triangle of attenuations, in (reach, bend): its corners, the thirds of its edges, its middle.
-ATTENUATION_NODES = tuple(
-    ((i + j) / 3, j / (i + j) if i + j else 0.5) for i in range(4) for j in range(4 - i)
-)
+# The triangle of attenuations (l0, l1, l2): its corners, the thirds of its edges, its middle.
+ATTENUATION_NODES = np.array([(i, j, 3 - i - j) for i in range(4) for j in range(4 - i)]) / 3
+GAIN_NODES = np.geomspace(1e-3, 1e2, 6)
+"""Of f at the reference distance, where the scale is known."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +63,7 @@ def limits(
             )
         edges.append((np.log(low), np.log(high)))
     if model.distance is not None:
-        edges += [(0.0, 1.0), (0.0, 1.0)]
-        edges += [(np.log(GAIN[0]), np.log(GAIN[1]))] * model.scaled
+        edges += [(0.0, np.inf)] * 3
     box = np.array(edges, float).reshape(-1, 2).T
     nodes = _grid(model)
     if start_given:
@@ -115,14 +112,14 @@ def _grid(model: Model) -> np.ndarray:
     for _ in model.searched:
         nodes = [(*u, n) for u in nodes for n in SHININESS_NODES if not u or n < u[-1]]
     if model.distance is not None:
-        nodes = [(*u, *shape) for u in nodes for shape in ATTENUATION_NODES]
-        if model.scaled:
-            nodes = [(*u, gain) for u in nodes for gain in GAIN_NODES]
+        gains = GAIN_NODES if model.scaled else np.ones(1)
+        laws = (ATTENUATION_NODES / gains[:, None, None]).reshape(-1, 3)
+        nodes = [(*u, *law) for u in nodes for law in laws]
     return np.array(nodes, float).reshape(len(nodes), model.size)
 
 
 def _start(model: Model, start: Material) -> np.ndarray:
     """The u of the material as given; an attenuation starts in the middle of its triangle."""
     lobes = [np.log(float(coefficient(start, f"specular.{j}.shininess"))) for j in model.searched]
-    shape = [] if model.distance is None else [2 / 3, 0.5, *([0.0] * model.scaled)]
-    return np.array([*lobes, *shape], float)
+    law = [] if model.distance is None else [1 / 3] * 3
+    return np.array([*lobes, *law], float)

@@ -9,7 +9,8 @@ from collections.abc import Iterable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from diffshade.channels import Channels, per_channel
 from diffshade.errors import BadInput
@@ -35,8 +36,8 @@ class Model(eqx.Module):
 
     `material` has the values of what is held. u holds, in this order, the logarithm of the shininess
     of the lobes `searched`; then, where an attenuation is fitted at the reference distance
-    `distance`, its reach and bend; then, where its scale is known because k_d or a k_s is held
-    (`scaled`), the logarithm of f(distance).
+    `distance`, its l0, l1, l2. Of these the one that `dependent` marks makes up the sum of 1; none does
+    where the scale is known because k_d or a k_s is held (`scaled`).
     """
 
     material: Material
@@ -44,11 +45,17 @@ class Model(eqx.Module):
     channel_count: int = eqx.field(static=True)
     distance: Float[Array, ""] | None = None
     scaled: bool = eqx.field(static=True, default=False)
+    dependent: Bool[Array, "q"] | None = None
 
     @property
     def size(self) -> int:
         """How many unknowns are searched."""
-        return len(self.searched) + (0 if self.distance is None else 2 + self.scaled)
+        return len(self.searched) + (0 if self.distance is None else 3)
+
+    @property
+    def known(self) -> Bool[np.ndarray, "q"]:
+        """Which of the unknowns depends on the others."""
+        return np.zeros(self.size, bool) if self.dependent is None else np.asarray(self.dependent)
 
     def unpack(self, u: Float[Array, "q"]) -> tuple[Material, ReferenceAttenuation | None]:
         """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
@@ -57,9 +64,24 @@ class Model(eqx.Module):
             material = eqx.tree_at(lambda m: m.specular[j].shininess, material, jnp.exp(u[k]))  # noqa: B023
         if self.distance is None:
             return material, None
-        reach, bend, *gain = u[len(self.searched) :]
-        return material, ReferenceAttenuation(
-            reach, bend, self.distance, jnp.exp(gain[0]) if gain else jnp.ones_like(reach)
+        l0, l1, l2 = self.whole(u)[len(self.searched) :]
+        return material, ReferenceAttenuation(l0, l1, l2, self.distance)
+
+    def whole(self, u: Float[Array, "q"]) -> Float[Array, "q"]:
+        """u with its dependent entry made up from the others."""
+        if self.dependent is None:
+            return u
+        others = jnp.sum(jnp.where(self.dependent, 0, u)[len(self.searched) :])
+        return jnp.where(self.dependent, 1 - others, u)
+
+    def depending_on(self, u: Float[np.ndarray, "q"]) -> "Model":
+        """The model whose dependent entry is the largest l of u, where the scale is free."""
+        if self.distance is None or self.scaled:
+            return self
+        largest = len(self.searched) + int(np.argmax(u[len(self.searched) :]))
+        dependent = np.arange(self.size) == largest
+        return Model(
+            self.material, self.searched, self.channel_count, self.distance, self.scaled, dependent
         )
 
     def columns(

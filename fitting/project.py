@@ -103,7 +103,7 @@ def _compress(at: Linearised) -> tuple[Float[Array, "q+1"], Float[Array, "q+1 q"
     q = at.gradient.size
     eps = jnp.finfo(at.gradient.dtype).eps
     curvature = jnp.diagonal(at.hessian)
-    # An unknown that the data do not see at all (or only within rounding) has no column.
+    # An unknown that depends on others, or that the data see only within rounding, has no column.
     p = at.k.shape[1]
     raw = jnp.sum(jnp.diagonal(at.information, axis1=1, axis2=2)[:, p : p + q], axis=0)
     alive = curvature > 30 * eps * raw

@@ -10,6 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from fitting.model import Model
 from fitting.project import Linearised, Problem, compressed_residual, cost, linearise
 from fitting.solver import BoundedLevenbergMarquardt
 
@@ -22,9 +23,10 @@ MAX_STEPS = 64
 
 @dataclass(frozen=True)
 class Found:
-    """The minimum: u, the fit around it, the steps that it took, and whether it converged."""
+    """The minimum: u, its model, the fit around it, the steps taken, and whether it converged."""
 
     u: Float[Array, "q"]
+    model: Model
     at: Linearised
     steps: int
     converged: bool
@@ -40,19 +42,26 @@ def search(
     dtype = problem.norm.dtype
     if nodes.shape[1] == 0:
         u = jnp.zeros(0, dtype)
-        return Found(u, _linearise(problem, u), 0, True)
+        return Found(u, problem.model, _linearise(problem, u), 0, True)
     low, high = jnp.asarray(lower, dtype), jnp.asarray(upper, dtype)
-    u = _best_node(_on(problem, SHARES[0]), jnp.asarray(np.clip(nodes, lower, upper), dtype))
-    steps = 0
+    coarse = _on(problem, SHARES[0], problem.model)
+    u = _best_node(coarse, jnp.asarray(np.clip(nodes, lower, upper), dtype))
+    model, steps = problem.model.depending_on(np.asarray(u)), 0
     for share in SHARES:
-        u, at, count, converged = _refine(_on(problem, share), u, low, high)
+        u, at, count, converged = _refine(_on(problem, share, model), u, low, high)
         steps += int(count)
-    return Found(u, at, steps, bool(converged) and bool(jnp.isfinite(at.cost)))
+        if not eqx.tree_equal(model, better := problem.model.depending_on(np.asarray(u))):
+            # Another l has become the largest: where this one reached 0 it was no bound to it.
+            model = better
+            u, at, count, converged = _refine(_on(problem, share, model), u, low, high)
+            steps += int(count)
+    return Found(u, model, at, steps, bool(converged) and bool(jnp.isfinite(at.cost)))
 
 
-def _on(problem: Problem, share: float) -> Problem:
+def _on(problem: Problem, share: float, model: Model) -> Problem:
+    """The problem on a share of the blocks, with the model's dependent entry."""
     part = np.asarray(share, problem.norm.dtype)
-    return eqx.tree_at(lambda p: p.block_share, problem, part)
+    return eqx.tree_at(lambda p: (p.block_share, p.model), problem, (part, model))
 
 
 @jax.jit
@@ -79,7 +88,8 @@ def _refine(
         throw=False,
     )
     converged = jnp.asarray(solution.result == optx.RESULTS.successful)
-    return solution.value, solution.aux, solution.stats["num_steps"], converged
+    u = jnp.maximum(problem.model.whole(solution.value), lower)
+    return u, solution.aux, solution.stats["num_steps"], converged
 
 
 _linearise = jax.jit(linearise)

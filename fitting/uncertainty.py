@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from fitting.project import Linearised
 
@@ -31,15 +31,16 @@ class Uncertainty:
 def propagate(
     at: Linearised,
     u: Float[Array, "q"],
-    held: np.ndarray,
+    known: Bool[np.ndarray, "Cp+q"],
     observations: int,
     report: Callable[[Array, Array], Reported],
 ) -> Uncertainty:
     """From the information matrix at the minimum to the errors of `report(k, u)`.
 
     The covariance of k and u is sigma^2 I^-1 (Cramer and Rao), I the Gram matrix of all derivatives;
-    a function of them moves by its Jacobian. `held` [C, p] marks linear coefficients that are known.
-    Directions without information are left out of I^-1, and make infinite what depends on them.
+    a function of them moves by its Jacobian. `known` marks, of k and then of u, what is held or
+    depends on others. Directions without information are left out of I^-1, and make infinite what
+    depends on them.
     """
     c, p = at.k.shape
     q = u.size
@@ -56,12 +57,12 @@ def propagate(
     }
     shapes = {name: np.shape(value) for name, value in report(at.k, u).items()}
 
-    free = np.concatenate([~held.ravel(), np.ones(q, bool)])
+    free = ~known
     scale = np.sqrt(np.diagonal(information))
     scale = np.where(scale > 0, scale, 1.0)
     scaled = (information / np.outer(scale, scale))[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(scaled)
-    threshold = 100 * flat.size * float(np.finfo(at.k.dtype).eps)
+    threshold = 8 * flat.size * float(np.finfo(at.k.dtype).eps)
     null = values <= threshold
     root = vectors[:, ~null] / np.sqrt(values[~null])
 

@@ -38,6 +38,9 @@ def cache_programs() -> None:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+    # XLA of JAX 0.10.0 logs an error for every program that it loads, about tuning flags that it
+    # takes for features of the processor; what really fails is raised, not logged.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 
 def cache_folder() -> Path:

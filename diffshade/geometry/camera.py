@@ -6,7 +6,7 @@ top; the centre of the pixel in row i, column j is (j + 0.5, i + 0.5) in pixels 
 
 import math
 from abc import abstractmethod
-from typing import NamedTuple
+from typing import NamedTuple, SupportsIndex
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -96,8 +96,8 @@ class OrthographicCamera(AbstractCamera):
 
     def __init__(
         self,
-        width: int,
-        height: int,
+        width: SupportsIndex,
+        height: SupportsIndex,
         extent: ArrayLike,
         *,
         position: ArrayLike | None = None,
@@ -107,7 +107,7 @@ class OrthographicCamera(AbstractCamera):
         if position is None and target is not None:
             raise BadInput("an orthographic camera has a target and no position: give both")
         ahead = (0.0, 0.0, -1.0) if position is None else (0.0, 0.0, 0.0)
-        self.width, self.height = width, height
+        self.width, self.height = count("width")(width), count("height")(height)
         self.extent = number("extent")(extent)
         self.position = optional(vector("the camera's position"))(position)
         self.target = vector("target")(ahead if target is None else target)

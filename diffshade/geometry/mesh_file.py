@@ -5,7 +5,7 @@
 | OBJ | as in the file, or one for each position and normal | `vn` | `usemtl`, or else `o` | `.mtl` |
 | PLY | as in the file | `nx`, `ny`, `nz` | none | none |
 | STL | corners at exactly the same place are one | computed | solids | none |
-| glTF | as in the file, moved by their nodes | `NORMAL` | primitives of nodes | none |
+| glTF | as in the file, moved by their nodes | `NORMAL` | primitives | none |
 
 Where a file gives only some of its vertices a normal, the others have the mean of their faces'
 normals, weighted by area; where it gives none, `Mesh` computes them, and they move with the vertices.
@@ -25,7 +25,7 @@ from diffshade.errors import BadInput
 from diffshade.geometry.mesh import Mesh
 from diffshade.io.obj import Obj, read_obj
 from diffshade.io.obj_materials import read_materials
-from diffshade.io.trimesh_formats import Part, read_gltf, read_ply, read_stl
+from diffshade.io.trimesh_formats import Part, merged, read_gltf, read_ply, read_stl
 
 __all__ = ["load_mesh"]
 
@@ -66,23 +66,10 @@ def load_mesh(path: str | Path) -> Mesh:
 
 
 def _from_parts(parts: list[Part]) -> Mesh:
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    vertices = np.concatenate([np.zeros((0, 3)), *(part.vertices for part in parts)])
-    faces = np.concatenate(
-        [
-            np.zeros((0, 3), np.int64),
-            *(part.faces + start for part, start in zip(parts, starts, strict=False)),
-        ]
-    )
-    normals = None
-    if any(part.normals is not None for part in parts):
-        given = np.concatenate(
-            [
-                np.zeros_like(part.vertices) if part.normals is None else part.normals
-                for part in parts
-            ]
-        )
-        normals = _complete(given, lambda: _means(vertices, faces))
+    parts = [part for part in parts if len(part.faces)] or parts
+    vertices, faces, normals = merged(parts)
+    if normals is not None:
+        normals = _complete(normals, lambda: _means(vertices, faces))
     slot = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
     return _mesh(vertices, faces, normals, slot=slot if len(parts) > 1 else None)
 

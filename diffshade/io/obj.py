@@ -62,6 +62,8 @@ def read_obj(path: Path) -> Obj:
     for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
         key, *words = line.split(None, 1) or [""]
         rest = words[0].strip() if words else ""
+        if "#" in rest and key in ("v", "vn", "f"):  # names may have one
+            rest = rest.partition("#")[0]
         try:
             if key == "v":
                 vertices.append(_triple(rest))

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from diffshade.errors import BadInput
 from diffshade.geometry.triangulate import triangulate
 
-__all__ = ["Part", "read_gltf", "read_ply", "read_stl"]
+__all__ = ["Part", "merged", "read_gltf", "read_ply", "read_stl"]
 
 
 class Part(NamedTuple):
@@ -62,7 +62,7 @@ def read_stl(path: Path) -> list[Part]:
 
 
 def read_gltf(path: Path) -> list[Part]:
-    """glTF 2.0, `.gltf` or `.glb`, one part a primitive of a node, in the place of the node."""
+    """glTF 2.0, `.gltf` or `.glb`, one part a primitive, at every place where a node puts it."""
     from trimesh.exchange.gltf import load_glb, load_gltf
     from trimesh.resolvers import FilePathResolver
     from trimesh.scene.transforms import SceneGraph
@@ -72,11 +72,27 @@ def read_gltf(path: Path) -> list[Part]:
     graph = SceneGraph(base_frame=read.get("base_frame", "world"))
     for edge in read["graph"]:
         graph.update(**edge)
-    parts = []
+    places: dict[Any, list[Float[np.ndarray, "4 4"]]] = {name: [] for name in read["geometry"]}
     for node in graph.nodes_geometry:
-        matrix, geometry = graph[node]
-        parts.append(_moved(_part(path, read["geometry"][geometry]), np.asarray(matrix)))
-    return parts
+        matrix, name = graph[node]
+        places[name].append(np.asarray(matrix))
+    primitives = ((_part(path, read["geometry"][name]), at) for name, at in places.items() if at)
+    return [merged([_moved(part, matrix) for matrix in at]) for part, at in primitives]
+
+
+def merged(parts: list[Part]) -> Part:
+    """One part of several. Normals are zero where a part has none, and None where none has any."""
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]
+    normals = [
+        np.zeros_like(part.vertices) if part.normals is None else part.normals for part in parts
+    ]
+    known = any(part.normals is not None for part in parts)
+    return Part(
+        np.concatenate([np.zeros((0, 3)), *(part.vertices for part in parts)]),
+        np.concatenate([np.zeros((0, 3), np.int64), *faces]),
+        np.concatenate(normals) if known else None,
+    )
 
 
 def _by_trimesh(path: Path, load: Callable[..., Any], **options: Any) -> Mapping[str, Any]:

@@ -68,6 +68,19 @@ def test_constants_come_back_as_the_texts_write_them() -> None:
     assert {"kd", "specular.0.ks", "attenuation.c1"} <= set(scale[0].coefficients)
 
 
+@pytest.mark.slow
+def test_no_corner_of_the_triangle_is_a_trap() -> None:
+    """Truths from which a search in polar coordinates about a corner slid into it, and stayed there."""
+    rng = np.random.default_rng(1010)
+    for trial in range(12):
+        truth = draw(rng, 1, attenuated=True)
+        image = ds.render(GBUFFER, truth.scene, truth.material)
+        fit = fitting.fit(image, GBUFFER, truth.scene, attenuation=ds.QuadraticAttenuation)
+        errors = relative_errors(fit, truth)
+        allowed = 1e-6 if jax.config.jax_enable_x64 else 1e-3
+        assert max(errors.values()) < allowed, f"trial {trial}, {truth.constants}: {errors}"
+
+
 def test_an_inverse_square_law_is_found() -> None:
     """A corner of the triangle: l = (0, 0, 1)."""
     lights = tuple(ds.PointLight((x, 0.5, 2.5), 1.0, ds.InverseSquare()) for x in (-1.5, 0.3, 2.0))

@@ -1,5 +1,6 @@
 """Meshes made here, and a ray caster that tries every triangle."""
 
+import jax.numpy as jnp
 import numpy as np
 
 from diffshade.geometry.camera import AbstractCamera
@@ -51,7 +52,7 @@ def brute_force(
     By the signed volumes of the ray with each edge, which the library does not use.
     """
     count = camera.width * camera.height
-    rays = camera.rays(np.arange(count))
+    rays = camera.rays(jnp.arange(count))
     origin, direction = (
         np.broadcast_to(np.asarray(v.to_array(), np.float64), (count, 3))[:, None] for v in rays
     )

@@ -85,6 +85,7 @@ def test_all_agree_on_a_plane_under_a_far_light(shading, tolerance):
     np.testing.assert_allclose(ds.render(g, SCENE, shiny), expected, atol=20 * tolerance)
 
 
+@pytest.mark.slow
 def test_phong_shading_approaches_the_sphere_and_gouraud_loses_its_highlight():
     camera = ds.OrthographicCamera(48, 48, 1.2)
     shiny = ds.Material(kd=0.3, specular=ds.Phong(ks=0.7, shininess=60))
@@ -98,8 +99,7 @@ def test_phong_shading_approaches_the_sphere_and_gouraud_loses_its_highlight():
     second_order = [error(levels, ds.PhongShading(), sphere_weights) for levels in (1, 2, 3)]
     assert second_order[0] > 3.5 * second_order[1] > 3.5**2 * second_order[2]
     # Where six unequal faces meet, the other means are off by a part of the edge's length.
-    slower = [error(levels, ds.PhongShading(), area_weights) for levels in (2, 3)]
-    assert slower[0] > 1.5 * slower[1] > 1.5 * 2 * second_order[2]
+    assert error(3, ds.PhongShading(), area_weights) > 5 * second_order[2]
     assert error(2, ds.GouraudShading(), sphere_weights) > 10 * second_order[1]
 
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from gradients import check_gradients, dead_inputs
+from jax.test_util import check_grads
 
 import diffshade as ds
 
@@ -110,12 +110,10 @@ def test_nothing_seen_is_an_empty_gbuffer():
 
 
 @pytest.mark.float64
-@pytest.mark.parametrize("view", ["orthographic", "placed", "perspective"])
+@pytest.mark.parametrize("view", ["orthographic", "perspective"])
 def test_derivatives_in_the_sphere_and_the_camera(view):
     def camera(numbers):
         if view == "orthographic":
-            return ds.OrthographicCamera(6, 5, numbers["size"])
-        if view == "placed":
             return ds.OrthographicCamera(6, 5, numbers["size"], position=numbers["position"])
         return ds.PerspectiveCamera(6, 5, numbers["size"], position=numbers["position"])
 
@@ -128,13 +126,15 @@ def test_derivatives_in_the_sphere_and_the_camera(view):
     seen = ds.visibility(ds.Sphere(case["center"], case["radius"]), camera(case))
     assert seen.index.size == 30  # well inside: nothing crosses the outline in a finite step
 
+    @jax.jit
     def f(numbers):
         sphere = ds.Sphere(numbers["center"], numbers["radius"])
         g = ds.gbuffer(sphere, camera(numbers), seen)
-        return jnp.concatenate([g.position.to_array().ravel(), g.normal.to_array().ravel()])
+        return g.position.to_array(), g.normal.to_array()
 
-    largest = check_gradients(f, [case])
-    assert dead_inputs(largest[0]) == (["['position']"] if view == "orthographic" else [])
+    check_grads(f, (case,), order=1, atol=1e-6, rtol=1e-6)
+    alive = jax.jit(jax.grad(lambda numbers: jnp.sum(f(numbers)[1] * f(numbers)[0] ** 2)))(case)
+    assert all((jnp.abs(gradient) > 1e-3).all() for gradient in alive.values())
 
 
 def test_the_derivative_of_depth_by_hand(tolerance):

@@ -1,0 +1,563 @@
+"""Mesh files, clean and nasty: what is read, what is refused, and what trimesh alone would do."""
+
+import json
+import logging
+import struct
+import warnings
+
+import jax
+import numpy as np
+import pytest
+import trimesh
+from mesh_cases import CUBE, CUBE_FACES, CUBE_QUADS
+from shared import shared_data
+
+import diffshade as ds
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def written(folder, name, content):
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def refusal(path):
+    """The one line that a file is refused with; it names the file."""
+    with pytest.raises(ds.BadInput) as refused:
+        ds.load_mesh(path)
+    (line,) = str(refused.value).splitlines()
+    assert line.startswith(str(path))
+    return line
+
+
+def by_trimesh(path):
+    return trimesh.load_scene(path, process=False).to_mesh()
+
+
+# OBJ
+
+
+def test_obj_keeps_the_files_vertices_and_faces(tmp_path):
+    lines = [f"v {x} {y} {z}" for x, y, z in CUBE] + ["v 9 9 9"]
+    lines += ["f " + " ".join(str(k + 1) for k in quad) for quad in CUBE_QUADS]
+    mesh = ds.load_mesh(written(tmp_path, "cube.obj", "\n".join(lines)))
+    np.testing.assert_array_equal(mesh.vertices, [*CUBE, [9, 9, 9]])
+    expected = [quad[[0, k, k + 1]] for quad in CUBE_QUADS for k in (1, 2)]
+    np.testing.assert_array_equal(mesh.faces, expected)
+    assert mesh.normals is None
+    assert mesh.slot is None
+    assert mesh.materials == ()
+    assert mesh.vertices.dtype == np.asarray(ds.Sphere().radius).dtype
+
+
+def test_obj_syntax(tmp_path):
+    text = (
+        "\ufeff# a comment\r\nv 0 0 0 1.0\r\n  v\t1 0 0 0.5 0.5 nan\r\nv 1e0 1 \\\r\n -0.0\r\n"
+        "vt 0 0\r\nvp 1 2 3\r\ns off\r\ng a b\r\nl 1 2\r\n\r\nf 1/1 2/1 3/1\r\n"
+    )
+    mesh = ds.load_mesh(written(tmp_path, "a b.OBJ", text))
+    np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 0, 0], [1, 1, 0]])
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2]])
+
+
+def test_obj_comments_after_a_statement(tmp_path):
+    text = "v 0 0 0 # first\nv 1 0 0\nv 0 1 0 # last\nf 1 2 3 # a face\n"
+    assert ds.load_mesh(written(tmp_path, "a.obj", text)).faces.shape == (1, 3)
+
+
+def test_obj_negative_indices_count_back_from_their_own_line(tmp_path):
+    one = "v 0 0 {z}\nv 1 0 {z}\nv 0 1 {z}\nf -3 -2 -1\n"
+    path = written(tmp_path, "a.obj", one.format(z=0) + one.format(z=5))
+    mesh = ds.load_mesh(path)
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [3, 4, 5]])
+    np.testing.assert_array_equal(np.unique(by_trimesh(path).vertices[:, 2]), [5])  # trimesh's
+
+
+def test_obj_texture_seams_do_not_cut_the_surface(tmp_path):
+    text = SQUARE + "v 0 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 1/3 3/1 5/2\n"
+    path = written(tmp_path, "a.obj", text)
+    mesh = ds.load_mesh(path)
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [0, 2, 4]])
+    shared = np.asarray(mesh.vertex_normals().to_array())[0]
+    assert 0.1 < shared[1] / shared[2] < 10 or abs(shared[0]) > 0.1  # a mean, not one face's own
+    assert len(by_trimesh(path).vertices) == 6  # trimesh's: every corner apart
+
+
+def test_obj_normals_are_those_of_the_file(tmp_path, tolerance):
+    text = SQUARE + "vn 0 0 1\nvn 1 0 1\nvn 0 0 1\nf 1//1 2//2 3//3\nf 1//1 3//2 4//3\n"
+    mesh = ds.load_mesh(written(tmp_path, "a.obj", text))
+    # Vertex 3 has two normals, and so is two; vertex 1 has one, under whatever number.
+    assert mesh.vertices.shape == (5, 3)
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    np.testing.assert_array_equal(
+        corners[:, :, :2], [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]]
+    )
+    normals = np.asarray(mesh.normals)[np.asarray(mesh.faces)]
+    np.testing.assert_allclose(normals[0], [[0, 0, 1], [1, 0, 1], [0, 0, 1]], atol=tolerance)
+    np.testing.assert_allclose(normals[1], [[0, 0, 1], [1, 0, 1], [0, 0, 1]], atol=tolerance)
+
+
+def test_obj_normals_are_completed_where_the_file_has_none(tmp_path, tolerance):
+    text = SQUARE + "vn 1 0 1\nvn 0 0 0\nvn nan 0 0\nf 1//1 2//2 3//3\nf 1 3 4\n"
+    path = written(tmp_path, "a.obj", text)
+    mesh = ds.load_mesh(path)
+    normals = np.asarray(mesh.normals)[np.asarray(mesh.faces)]
+    np.testing.assert_allclose(normals[0], [[1, 0, 1], [0, 0, 1], [0, 0, 1]], atol=tolerance)
+    np.testing.assert_allclose(normals[1], np.tile([0, 0, 1], (3, 1)), atol=tolerance)
+    only_zero = ds.load_mesh(written(tmp_path, "b.obj", SQUARE + "vn 0 0 0\nf 1//1 2//1 3//1\n"))
+    assert only_zero.normals is None
+
+
+def test_obj_concave_polygons_are_filled_once(tmp_path):
+    text = "v 0 2 0\nv 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 .2 0\nf 1 2 3 4 5\nf 1 2 3\nf 1 2 3 4\n"
+    path = written(tmp_path, "a.obj", text)
+    mesh = ds.load_mesh(path)
+    assert mesh.faces.shape == (3 + 1 + 2, 3)
+    normals = np.asarray(mesh.face_normals().to_array())
+    np.testing.assert_array_equal(normals[:, 2] > 0.99, np.ones(6, bool))
+    assert by_trimesh(path).face_normals[:, 2].min() < 0  # trimesh's fan folds back
+
+
+MTL = """
+newmtl red
+Ka 0.1 0.2 0.3
+Kd 0.123456789 0.25 0.5
+Ks 0.7 0.6 0.5
+Ns 96.078431
+illum 2
+
+newmtl plain
+Kd 0.4
+Ks 1 1 1
+illum 1
+"""
+TWO = "v 2 0 0\nusemtl red\nf 1 2 3\nusemtl plain\nf 1 3 4\nusemtl red\nf 2 5 3\n"
+
+
+def test_obj_materials(tmp_path, tolerance):
+    written(tmp_path, "two.mtl", MTL)
+    mesh = ds.load_mesh(written(tmp_path, "two.obj", "mtllib two.mtl\n" + SQUARE + TWO))
+    np.testing.assert_array_equal(mesh.slot, [0, 1, 0])
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [0, 2, 3], [1, 4, 2]])  # one surface
+    red, plain = mesh.materials
+    np.testing.assert_allclose(red.ka, [0.1, 0.2, 0.3], rtol=tolerance)
+    np.testing.assert_allclose(red.kd, [0.123456789, 0.25, 0.5], rtol=tolerance)
+    (lobe,) = red.specular
+    assert isinstance(lobe, ds.BlinnPhong)
+    np.testing.assert_allclose(lobe.ks, [0.7, 0.6, 0.5], rtol=tolerance)
+    np.testing.assert_allclose(lobe.shininess, 96.078431, rtol=tolerance)
+    np.testing.assert_array_equal(plain.ka, [0, 0, 0])
+    np.testing.assert_allclose(plain.kd, [0.4, 0.4, 0.4], rtol=tolerance)
+    np.testing.assert_array_equal(plain.specular[0].ks, [0, 0, 0])  # illum 1 has no highlight
+
+
+def test_obj_materials_render_with_their_own_coefficients(tmp_path, tolerance):
+    written(tmp_path, "two.mtl", MTL)
+    mesh = ds.load_mesh(written(tmp_path, "two.obj", "mtllib two.mtl\n" + SQUARE + TWO))
+    camera = ds.OrthographicCamera(3, 3, 1.0, position=(0.5, 0.5, 5), target=(0.5, 0.5, 0))
+    scene = ds.Scene(ambient=1.0, lights=ds.ParallelLight((0, 0, 1)))
+    image = ds.render(ds.gbuffer(mesh, camera), scene, mesh.materials)
+    red = np.array([[0.1, 0.2, 0.3], [0.123456789, 0.25, 0.5], [0.7, 0.6, 0.5]]).sum(axis=0)
+    np.testing.assert_allclose(image[2, 1], red, rtol=10 * tolerance)  # below the diagonal
+    np.testing.assert_allclose(image[0, 1], [0.4, 0.4, 0.4], rtol=10 * tolerance)
+
+
+@pytest.mark.parametrize(
+    ("mtl", "ambient", "diffuse", "specular"),
+    [
+        ("Kd 1 0 0\nillum 1", False, True, False),
+        ("Ka 1 1 1\nKd 1 0 0\nKs 1 1 1\nillum 0", False, True, False),
+        ("Ka 1 1 1\nKs 1 1 1", True, False, True),
+        ("Kd 1 1 1\nKs 0 0 0\nNs 10\nillum 2", False, True, True),
+        ("Kd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nillum 7", False, True, True),
+    ],
+)
+def test_obj_material_terms_that_the_file_lacks_are_absent(
+    tmp_path, mtl, ambient, diffuse, specular
+):
+    written(tmp_path, "m.mtl", f"newmtl a\n{mtl}\n")
+    text = "mtllib m.mtl\n" + SQUARE + "usemtl a\nf 1 2 3\n"
+    (material,) = ds.load_mesh(written(tmp_path, "m.obj", text)).materials
+    assert (material.ka is not None) == ambient
+    assert (material.kd is not None) == diffuse
+    assert bool(material.specular) == specular
+
+
+def test_one_material_needs_no_slots(tmp_path):
+    written(tmp_path, "m.mtl", "newmtl a b\nKd 0.5\n")
+    text = "mtllib m.mtl\n" + SQUARE + "usemtl a b\nf 1 2 3\nf 1 3 4\n"
+    mesh = ds.load_mesh(written(tmp_path, "m.obj", text))
+    assert mesh.slot is None
+    assert len(mesh.materials) == 1
+
+
+def test_obj_libraries_are_found_by_their_names(tmp_path):
+    written(tmp_path, "my library.mtl", "newmtl a\nKd 0.5\n")
+    written(tmp_path, "other.mtl", "newmtl b\nKd 0.25\n")
+    faces = SQUARE + "usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n"
+    for number, named in enumerate(
+        (
+            "mtllib my library.mtl\nmtllib other.mtl\n",
+            "mtllib C:\\somebody\\models\\my library.mtl\nmtllib ./other.mtl\n",
+        )
+    ):
+        mesh = ds.load_mesh(written(tmp_path, f"{number}.obj", named + faces))
+        assert len(mesh.materials) == 2
+    written(tmp_path, "first.mtl", "newmtl a\nKd 0.5\n")
+    both = written(tmp_path, "both.obj", "mtllib first.mtl other.mtl\n" + faces)
+    assert len(ds.load_mesh(both).materials) == 2
+
+
+def test_materials_that_are_not_there_are_warned_of(tmp_path):
+    written(tmp_path, "m.mtl", "newmtl a\nKd 0.5\n")
+    cases = {
+        "mtllib gone.mtl\n" + SQUARE + "usemtl a\nf 1 2 3\n": "'a' was not found in gone.mtl",
+        "mtllib m.mtl\n" + SQUARE + "usemtl b\nf 1 2 3\n": "'b' was not found",
+        "mtllib m.mtl\n" + SQUARE + "f 1 2 3\nusemtl a\nf 1 3 4\n": "before the first usemtl",
+    }
+    for text, message in cases.items():
+        with pytest.warns(UserWarning, match=message) as caught:
+            mesh = ds.load_mesh(written(tmp_path, "m.obj", text))
+        assert caught[0].filename == __file__
+        assert mesh.materials == ()
+    np.testing.assert_array_equal(mesh.slot, [0, 1])
+
+
+def test_textures_are_warned_of(tmp_path):
+    written(tmp_path, "m.mtl", "newmtl a\nKd 0.5\nmap_Kd wood.png\nbump bark.png\n")
+    text = "mtllib m.mtl\n" + SQUARE + "usemtl a\nf 1 2 3\n"
+    with pytest.warns(UserWarning, match=r"textures are not read \(bump, map_kd\)"):
+        mesh = ds.load_mesh(written(tmp_path, "m.obj", text))
+    np.testing.assert_allclose(mesh.materials[0].kd, 0.5)
+
+
+def test_objects_are_slots_where_there_are_no_materials(tmp_path):
+    text = SQUARE + "o one\nf 1 2 3\no two\nf 1 3 4\n"
+    mesh = ds.load_mesh(written(tmp_path, "a.obj", text))
+    np.testing.assert_array_equal(mesh.slot, [0, 1])
+    assert mesh.materials == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v 0 0\n", "line 1: 2 coordinates where three belong"),
+        ("v 0 0 zero\n", "line 1: could not convert string to float"),
+        (SQUARE + "v 0 nan 0\n", "line 5: the vertex 0 nan 0 is not finite"),
+        (SQUARE + "f 1 2\n", "line 5: a polygon needs three corners"),
+        (SQUARE + "f 1 2 0\n", "line 5: there is no number 0"),
+        (SQUARE + "f 1 2 -5\n", "line 5: there is no number -5 among 4"),
+        (SQUARE + "\nf 1 2 5\n", "line 6: refers to vertex 5 of 4"),
+        (SQUARE + "f 1//1 2//1 3//1\n", "line 5: refers to normal 1 of 0"),
+        (SQUARE + "f a b c\n", "line 5: invalid literal"),
+        (SQUARE, "holds 4 vertices and no faces"),
+        ("", "holds 0 vertices and no faces"),
+        ("Dear reader,\nthis is no mesh.\n", "holds 0 vertices and no faces"),
+    ],
+)
+def test_what_is_no_obj_is_refused(tmp_path, text, message):
+    assert message in refusal(written(tmp_path, "a.obj", text))
+
+
+@pytest.mark.parametrize(
+    ("mtl", "message"),
+    [
+        ("newmtl a\nKd red\n", "line 2: 'red' is no number"),
+        ("newmtl a\nKd 1 2\n", "line 2: 2 numbers for a colour"),
+        ("newmtl a\n\nKs spectral file.rfl\n", "line 3: a colour given as 'spectral'"),
+        ("newmtl a\nNs -1\n", "line 2: '-1'; give a finite number"),
+        ("newmtl a\nNs nan\n", "line 2: 'nan'; give a finite number"),
+    ],
+)
+def test_what_is_no_mtl_is_refused(tmp_path, mtl, message):
+    library = written(tmp_path, "m.mtl", mtl)
+    path = written(tmp_path, "m.obj", "mtllib m.mtl\n" + SQUARE + "usemtl a\nf 1 2 3\n")
+    with pytest.raises(ds.BadInput) as refused:
+        ds.load_mesh(path)
+    assert str(refused.value).startswith(f"{library}, {message}")
+
+
+# PLY
+
+
+def ply(vertices, faces, normals=None, kind="ascii 1.0"):
+    """Text, or binary with polygons that all have as many corners as the first."""
+    names = ["x", "y", "z"] + (["nx", "ny", "nz"] if normals is not None else [])
+    rows = np.asarray(vertices if normals is None else np.hstack([vertices, normals]))
+    header = ["ply", f"format {kind}", "comment made here", f"element vertex {len(rows)}"]
+    header += [f"property float {name}" for name in names]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    start = ("\n".join(header) + "\n").encode()
+    if kind.startswith("ascii"):
+        lines = [" ".join(map(repr, row)) for row in rows.tolist()]
+        lines += [" ".join(map(str, [len(face), *face])) for face in faces]
+        return start + ("\n".join(lines) + "\n").encode()
+    order = "<" if "little" in kind else ">"
+    binary = rows.astype(f"{order}f4").tobytes()
+    return (
+        start
+        + binary
+        + b"".join(struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces)
+    )
+
+
+@pytest.mark.parametrize("kind", ["ascii 1.0", "binary_little_endian 1.0", "binary_big_endian 1.0"])
+@pytest.mark.parametrize("faces", [CUBE_FACES, CUBE_QUADS], ids=["triangles", "quads"])
+def test_ply(tmp_path, kind, faces):
+    mesh = ds.load_mesh(written(tmp_path, "a.ply", ply(CUBE, faces.tolist(), kind=kind)))
+    np.testing.assert_array_equal(mesh.vertices, CUBE)
+    assert mesh.faces.shape == (12, 3)
+    outwards = np.asarray(mesh.face_normals().to_array()) * CUBE[np.asarray(mesh.faces)].mean(1)
+    assert (outwards.sum(axis=1) > 0.5).all()
+    assert mesh.normals is None  # trimesh would give its own
+
+
+def test_ply_polygons_and_normals(tmp_path, tolerance):
+    flat = [[0, 2, 0], [0, 0, 0], [2, 0, 0], [2, 2, 0], [1, 0.25, 0]]
+    normals = [[0, 0, 2], [0, 0, 0], [1, 0, 1], [0, 0, 1], [0, 0, 1]]
+    path = written(tmp_path, "a.ply", ply(flat, [[0, 1, 2, 3, 4]], normals))
+    mesh = ds.load_mesh(path)
+    assert (np.asarray(mesh.face_normals().z) > 0.99).all()  # concave, and filled once
+    expected = [[0, 0, 1], [0, 0, 1], [0.5**0.5, 0, 0.5**0.5], [0, 0, 1], [0, 0, 1]]
+    np.testing.assert_allclose(mesh.vertex_normals().to_array(), expected, atol=10 * tolerance)
+
+
+def test_ply_of_mixed_polygons(tmp_path):
+    faces = [[0, 1, 2], [0, 2, 3, 4]]
+    pentagon = [[0, 0, 0], [2, 0, 0], [3, 2, 0], [1, 3, 0], [-1, 2, 0]]
+    mesh = ds.load_mesh(written(tmp_path, "a.ply", ply(pentagon, faces)))
+    assert mesh.faces.shape == (3, 3)
+    binary = written(tmp_path, "b.ply", ply(pentagon, faces, kind="binary_little_endian 1.0"))
+    assert "no PLY file that can be read" in refusal(binary)
+
+
+def test_ply_that_is_cut_off_is_refused(tmp_path):
+    whole = ply(CUBE, CUBE_FACES.tolist())
+    lines = whole.decode().splitlines()
+    for left in (len(lines) - 1, len(lines) - 15):
+        text = "\n".join(lines[:left]) + "\n"
+        assert "the file is cut off" in refusal(written(tmp_path, "a.ply", text))
+    binary = ply(CUBE, CUBE_FACES.tolist(), kind="binary_little_endian 1.0")
+    assert "no PLY file" in refusal(written(tmp_path, "b.ply", binary[:-5]))
+
+
+def test_ply_with_wrong_indices_or_vertices_is_refused(tmp_path):
+    path = written(tmp_path, "a.ply", ply(CUBE, [[0, 1, 8]]))
+    assert "faces refer to vertices 0 to 8 of 8" in refusal(path)
+    broken = CUBE.copy()
+    broken[3, 1] = np.nan
+    path = written(tmp_path, "b.ply", ply(broken, [[0, 1, 2]]))
+    assert "vertex number 3 is not finite" in refusal(path)
+    path = written(tmp_path, "c.ply", ply(CUBE, [[0, 1, 2]]).replace(b"3 0 1 2", b"3 0 one 2"))
+    assert "no PLY file that can be read" in refusal(path)
+
+
+# STL
+
+
+def stl(corners, name="made here"):
+    lines = [f"solid {name}"]
+    for triangle in corners:
+        lines += ["facet normal 0 0 0", "outer loop"]
+        lines += [f"vertex {x} {y} {z}" for x, y, z in triangle]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, f"endsolid {name}", ""])
+
+
+def stl_binary(corners):
+    rows = np.zeros(len(corners), [("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    rows["v"] = corners
+    return b"made here".ljust(80) + struct.pack("<I", len(corners)) + rows.tobytes()
+
+
+@pytest.mark.parametrize("write", [stl, stl_binary])
+def test_stl_corners_at_one_place_are_one_vertex(tmp_path, write):
+    corners = CUBE[CUBE_FACES]
+    mesh = ds.load_mesh(written(tmp_path, "a.stl", write(corners)))
+    assert mesh.vertices.shape == (8, 3)
+    np.testing.assert_array_equal(np.asarray(mesh.vertices)[np.asarray(mesh.faces)], corners)
+    np.testing.assert_array_equal(mesh.faces[0], [0, 1, 2])  # numbered as they appear
+    assert mesh.normals is None
+    assert mesh.slot is None
+
+
+def test_stl_solids_are_slots(tmp_path):
+    corners = CUBE[CUBE_FACES]
+    mesh = ds.load_mesh(written(tmp_path, "a.stl", stl(corners, "a") + stl(corners + 4.0, "b")))
+    np.testing.assert_array_equal(mesh.slot, [0] * 12 + [1] * 12)
+    assert mesh.vertices.shape == (16, 3)
+
+
+def test_stl_that_is_none_is_refused(tmp_path):
+    whole = stl_binary(CUBE[CUBE_FACES])
+    assert "no STL file" in refusal(written(tmp_path, "a.stl", whole[:-7]))
+    assert "no faces" in refusal(written(tmp_path, "b.stl", "hello\n"))
+    assert "no faces" in refusal(written(tmp_path, "c.stl", stl_binary(np.zeros((0, 3, 3)))))
+
+
+# glTF
+
+
+def gltf(nodes, normals=None, extra=None):
+    """A triangle mesh of the cube as one primitive, in the places of the nodes; header and data."""
+    arrays = [CUBE.astype("<f4"), CUBE_FACES.astype("<u2").ravel()]
+    attributes = {"POSITION": 0}
+    if normals is not None:
+        arrays.append(normals.astype("<f4"))
+        attributes["NORMAL"] = 2
+    data, views, accessors = b"", [], []
+    for number, array in enumerate(arrays):
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
+        accessors.append(
+            {
+                "bufferView": number,
+                "componentType": 5126 if array.ndim == 2 else 5123,
+                "count": len(array),
+                "type": "VEC3" if array.ndim == 2 else "SCALAR",
+            }
+        )
+        data += array.tobytes()
+    header = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": [{"mesh": 0, **node} for node in nodes],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 1}]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }
+    return header | (extra or {}), data
+
+
+def glb(header, data):
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunks += struct.pack("<II", len(data), 0x004E4942) + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def test_glb(tmp_path):
+    mesh = ds.load_mesh(written(tmp_path, "a.glb", glb(*gltf([{}]))))
+    np.testing.assert_array_equal(mesh.vertices, CUBE)
+    np.testing.assert_array_equal(mesh.faces, CUBE_FACES)
+    assert mesh.normals is None
+    assert mesh.slot is None
+
+
+def test_gltf_with_its_data_beside_it(tmp_path):
+    header, data = gltf([{}])
+    header["buffers"][0]["uri"] = "cube.bin"
+    path = written(tmp_path, "a.gltf", json.dumps(header))
+    assert "no GLTF file that can be read" in refusal(path)
+    written(tmp_path, "cube.bin", data)
+    np.testing.assert_array_equal(ds.load_mesh(path).faces, CUBE_FACES)
+
+
+def test_gltf_nodes_move_their_meshes(tmp_path, tolerance):
+    normals = CUBE / 3**0.5
+    nodes = [
+        {"translation": [10, 0, 0], "scale": [1, 2, 4]},
+        {"scale": [-1, 1, 1]},  # a mirror image: the faces turn round, the outside stays outside
+    ]
+    mesh = ds.load_mesh(written(tmp_path, "a.glb", glb(*gltf(nodes, normals))))
+    assert mesh.slot is None  # one primitive, and so one material, at two places
+    far = np.asarray(mesh.vertices)[:, 0] > 5
+    assert (np.diff(np.flatnonzero(far)) == 1).all()
+    first, second = np.asarray(mesh.vertices)[far], np.asarray(mesh.vertices)[~far]
+    np.testing.assert_allclose(first, CUBE * np.array([1, 2, 4]) + np.array([10, 0, 0]))
+    np.testing.assert_allclose(second, CUBE * np.array([-1, 1, 1]))
+    stretched = CUBE / np.array([1, 2, 4])  # normals shrink where the surface stretches
+    stretched /= np.linalg.norm(stretched, axis=1, keepdims=True)
+    normals = np.asarray(mesh.vertex_normals().to_array())
+    np.testing.assert_allclose(normals[far], stretched, atol=1e-6)
+    np.testing.assert_allclose(normals[~far], second / 3**0.5, atol=1e-6)
+    outwards = np.asarray(mesh.face_normals().to_array())
+    centres = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].mean(axis=1)
+    centres[centres[:, 0] > 5] -= [10, 0, 0]
+    assert ((outwards * centres).sum(axis=1) > 0.5).all()
+
+
+def test_gltf_primitives_are_slots(tmp_path):
+    header, data = gltf([{}])
+    header["meshes"][0]["primitives"] *= 2
+    header["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "mode": 0})  # points
+    mesh = ds.load_mesh(written(tmp_path, "a.glb", glb(header, data)))
+    np.testing.assert_array_equal(mesh.slot, [0] * 12 + [1] * 12)
+    assert mesh.materials == ()
+
+
+def test_compressed_gltf_is_refused_and_not_read_as_zeros(tmp_path, capfd):
+    header, data = gltf([{}])
+    extension = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}
+    header["meshes"][0]["primitives"][0]["extensions"] = extension
+    header["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    for accessor in header["accessors"]:
+        del accessor["bufferView"]
+    refusal(written(tmp_path, "a.glb", glb(header, data)))
+    assert capfd.readouterr() == ("", "")
+
+
+# all
+
+
+def test_what_is_not_there_or_of_another_kind_is_refused(tmp_path):
+    assert "there is no such file" in refusal(tmp_path / "gone.obj")
+    assert "there is no such file" in refusal(tmp_path)
+    for name in ("a.fbx", "a", "a.mtl"):
+        assert "is no mesh format" in refusal(written(tmp_path, name, "x"))
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "gltf"])
+def test_noise_is_refused_in_silence(tmp_path, suffix, capfd, rng):
+    capfd.readouterr()
+    for content in (b"", b"no mesh\n", rng.bytes(3000), b"ply\n", b"glTF" + bytes(20)):
+        refusal(written(tmp_path, f"a.{suffix}", content))
+    assert capfd.readouterr() == ("", "")
+    assert logging.getLogger("trimesh").propagate
+    assert not logging.getLogger("trimesh").handlers
+
+
+REFUSED = {"empty.obj", "obj_empty.obj", "ply_points_bin.ply", "stl_empty_bin.stl"}
+NO_LIBRARY = {"polygonfaces.obj", "singlevn.obj"}
+vertex_normals = jax.jit(lambda mesh: mesh.vertex_normals().to_array())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["clean", "nasty"])
+def test_every_shared_mesh_is_seen_or_refused(kind, capfd):
+    files = [
+        path
+        for path in sorted(shared_data("meshes", kind).iterdir())
+        if path.suffix in (".obj", ".ply", ".stl", ".glb")
+    ]
+    assert len(files) > 10
+    for path in files:
+        if path.name in REFUSED:
+            assert "no faces; give a mesh of triangles" in refusal(path)
+            continue
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            mesh = ds.load_mesh(path)
+        assert [path.name for _ in caught] == ([path.name] if path.name in NO_LIBRARY else [])
+        corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        size, target = float((high - low).max()), (low + high) / 2
+        camera = ds.OrthographicCamera(
+            16, 16, 1.1 * size, position=target + size * np.array([1.0, 2, 3]), target=target
+        )
+        seen = ds.visibility(mesh, camera)
+        assert seen.index.size > 5, path.name
+        assert not mesh.degenerate()[np.asarray(seen.face)].any()
+        if kind == "clean":
+            continue
+        lengths = np.linalg.norm(vertex_normals(mesh), axis=1)
+        used = lengths[np.unique(np.asarray(mesh.faces)[~mesh.degenerate()])]
+        has_normal = np.abs(used - 1) < 1e-5
+        assert (has_normal | (used == 0)).all()  # where two faces lie back to back it is zero
+        assert has_normal.mean() > 0.99
+    assert capfd.readouterr() == ("", "")
