@@ -1,6 +1,6 @@
 """Shading: nanoseconds per pixel and light, forward and with the gradient, beside the error.
 
-    python -m benchmarks.shading                     against NumPy and the last commit
+    python -m benchmarks.shading                     against NumPy and the commit before
     python -m benchmarks.shading --against v0.1.0    against another version
 
 Every figure is a median over rounds in which all that is compared takes its turn, so that a machine
@@ -36,14 +36,10 @@ class Worker:
 
     def __init__(self, tree: Path) -> None:
         # The benchmark is this checkout's, whatever version of the package it measures.
-        environment = {
-            **os.environ,
-            "PYTHONPATH": f"{tree}{os.pathsep}{ROOT}",
-            "JAX_ENABLE_X64": "0",
-        }
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "JAX_ENABLE_X64": "0"}
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "benchmarks.worker"],
-            cwd=tree,
+            [sys.executable, "-P", "-m", "benchmarks.worker", str(tree)],
+            cwd=ROOT,
             env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -152,7 +148,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("--against", default="HEAD", metavar="REVISION", help="an earlier version")
+    parser.add_argument(
+        "--against", default="HEAD~1", metavar="REVISION", help="an earlier version"
+    )
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     options = parser.parse_args()

@@ -85,7 +85,11 @@ MEASURED = {"forward": forward, "gradient": gradient, "numpy": in_numpy}
 
 def main() -> None:
     """Answer requests until standard input ends; the argument is the tree that holds the package."""
-    sys.path.insert(0, sys.argv[1])
+    tree = sys.argv[1]
+    sys.path.insert(0, tree)
+    import diffshade
+
+    assert str(diffshade.__file__).startswith(tree), f"{diffshade.__file__} is not of {tree}"
     prepared: dict[str, tuple[Callable[[], Any], int]] = {}
     for line in sys.stdin:
         request = json.loads(line)

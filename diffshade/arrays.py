@@ -15,7 +15,16 @@ from jaxtyping import Array, Float
 
 from diffshade.errors import BadInput
 
-__all__ = ["ArrayLike", "floats", "is_concrete", "optional", "vector"]
+__all__ = [
+    "ArrayLike",
+    "coefficients",
+    "floats",
+    "is_concrete",
+    "is_outermost",
+    "optional",
+    "positive",
+    "vector",
+]
 
 ArrayLike = float | Sequence[Any] | np.ndarray | Array
 
@@ -27,9 +36,11 @@ def floats(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
         if isinstance(value, jax.Array):
             return value if jnp.issubdtype(value.dtype, jnp.floating) else value.astype(float)
         if _holds_tracers(value):
-            return jnp.asarray(value)
+            return jnp.asarray(value, float)
         try:
             host = np.asarray(value)
+            if host.dtype.kind not in "biuf":
+                raise TypeError
             host = host if host.dtype in (np.float32, np.float64) else host.astype(np.float64)
         except (TypeError, ValueError):
             raise BadInput(f"{name} is {value!r}: give a number or a sequence of numbers") from None
@@ -43,13 +54,46 @@ def floats(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
     return convert
 
 
+def coefficients(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
+    """A field converter for a coefficient: one number, one a channel [C], or maps [C or 1, P]."""
+    to_floats = floats(name)
+
+    def convert(value: ArrayLike) -> Float[Array, "..."]:
+        array = to_floats(value)
+        if array.ndim > 2:
+            raise BadInput(
+                f"{name} has shape {array.shape}: give one number, one a channel [C], or maps over"
+                " the foreground's pixels [C or 1, P]"
+            )
+        return array
+
+    return convert
+
+
+def positive(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
+    """A field converter for a coefficient that is not negative."""
+    to_coefficients = coefficients(name)
+
+    def convert(value: ArrayLike) -> Float[Array, "..."]:
+        array = to_coefficients(value)
+        if (
+            not isinstance(value, jax.Array)
+            and is_concrete(array)
+            and np.any(np.asarray(array) < 0)
+        ):
+            raise BadInput(f"{name} is {_brief(np.asarray(array))}: it cannot be negative")
+        return array
+
+    return convert
+
+
 def vector(name: str) -> Callable[[ArrayLike], Float[Array, "3"]]:
     """A field converter for one point or direction, three numbers."""
     to_floats = floats(name)
 
     def convert(value: ArrayLike) -> Float[Array, "3"]:
         array = to_floats(value)
-        if array.shape[-1:] != (3,):
+        if array.shape != (3,):
             raise BadInput(f"{name} has shape {array.shape}: give three numbers, x, y and z")
         return array
 
@@ -64,6 +108,11 @@ def optional(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
 def is_concrete(tree: object) -> bool:
     """Whether a tree holds values, not the tracers of an enclosing `jit`, `grad` or `vmap`."""
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def is_outermost() -> bool:
+    """Whether no enclosing `jit` or `scan` traces what is computed now."""
+    return not isinstance(jnp.zeros(()), jax.core.Tracer)
 
 
 def _holds_tracers(value: object) -> bool:

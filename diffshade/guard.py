@@ -4,6 +4,8 @@ Each function is the textbook one where that is finite, and a stated value with 
 it is not. The guard is the double ``where``: the argument is made harmless *before* the singular
 function sees it, and the result is replaced *after*. A single ``where`` is right forward and NaN in
 reverse, because 0 times infinity is NaN; adding an epsilon would change every result a little.
+
+The predicates say where a function is singular, so that NaN, which is nowhere, stays NaN.
 """
 
 from collections.abc import Callable
@@ -20,27 +22,27 @@ Plane = Float[Array, "..."]
 
 def positive(x: Plane) -> Plane:
     """max(x, 0), with derivative 0 at the kink x = 0 (JAX's own ``maximum`` takes one half)."""
-    return jnp.where(x > 0, x, 0)
+    return jnp.where(x <= 0, 0, x)
 
 
 def sqrt(x: Plane) -> Plane:
     """Square root of max(x, 0), with derivative 0 where x <= 0."""
-    return _guarded(jnp.sqrt, x, x > 0)
+    return _guarded(jnp.sqrt, x, x <= 0)
 
 
 def reciprocal_sqrt(x: Plane) -> Plane:
     """1/sqrt(x) where x > 0; elsewhere 0 with derivative 0."""
-    return _guarded(lax.rsqrt, x, x > 0)
+    return _guarded(lax.rsqrt, x, x <= 0)
 
 
 def reciprocal(x: Plane) -> Plane:
     """1/x where x != 0; at 0 it is 0 with derivative 0."""
-    return _guarded(lambda safe: 1 / safe, x, x != 0)
+    return _guarded(lambda safe: 1 / safe, x, x == 0)
 
 
 def log(x: Plane) -> Plane:
     """Natural logarithm where x > 0; elsewhere 0 with derivative 0."""
-    return _guarded(jnp.log, x, x > 0)
+    return _guarded(jnp.log, x, x <= 0)
 
 
 def power(x: Plane, n: Plane) -> Plane:
@@ -51,11 +53,11 @@ def power(x: Plane, n: Plane) -> Plane:
     any working precision. Where the power itself underflows, it and its derivatives are zero.
     """
     info = jnp.finfo(jnp.result_type(x))
-    inside = x > float(info.tiny) ** 0.5
-    exponent = n * jnp.log(jnp.where(inside, x, 1))
-    visible = inside & (exponent > np.log(float(info.tiny)))
-    return jnp.where(visible, jnp.exp(jnp.where(visible, exponent, 0)), 0)
+    dark = x <= float(info.tiny) ** 0.5
+    exponent = n * jnp.log(jnp.where(dark, 1, x))
+    vanishes = dark | (exponent <= np.log(float(info.tiny)))
+    return jnp.where(vanishes, 0, jnp.exp(jnp.where(vanishes, 0, exponent)))
 
 
-def _guarded(f: Callable[[Plane], Plane], x: Plane, inside: Bool[Array, "..."]) -> Plane:
-    return jnp.where(inside, f(jnp.where(inside, x, 1)), 0)
+def _guarded(f: Callable[[Plane], Plane], x: Plane, singular: Bool[Array, "..."]) -> Plane:
+    return jnp.where(singular, 0, f(jnp.where(singular, 1, x)))

@@ -19,13 +19,13 @@ from diffshade.scene import Scene
 from diffshade.vector import Vec3, dot, length
 from fitting.gauge import with_attenuation
 from fitting.identify import Unidentified, unidentified
-from fitting.inputs import match, views
+from fitting.inputs import Photograph, match, views
 from fitting.limits import Bounds, Limits, limits
-from fitting.model import Model, coefficient, default_material, held_names, linear_names
+from fitting.model import CONSTANTS, Model, coefficient, default_material, held_names, linear_names
 from fitting.observation import View, group_views
 from fitting.project import Problem
 from fitting.recovered import Recovery
-from fitting.residual import ImageResidual, evaluate
+from fitting.residual import ImageResidual, measure
 from fitting.search import search
 from fitting.uncertainty import propagate
 
@@ -83,11 +83,13 @@ def fit(
       what is held. By default diffuse, one Phong lobe, and ambient where a scene has ambient light.
     - `attenuation`: None takes the scene's as known; `ds.QuadraticAttenuation` (the type) asks for
       one set of constants shared by all point lights. It is fitted without LIGHT-12's clamp.
-    - `hold`: names of coefficients kept at their value: "ka", "kd", "specular.ks",
-      "specular.shininess", or "specular.0.ks" for one lobe.
-    - `bounds`: lower and upper by name (None: unbounded), by default 0 and 1 for each k, and 0.1 and
-      100,000 for the shininess. They hold at every step. With a fitted attenuation k_d and k_s have
-      no scale of their own, and no upper bound, unless one of them is held.
+    - `hold`: names of coefficients kept at their value in `material`: "ka", "kd", "specular.ks",
+      "specular.shininess", or "specular.0.ks" for one lobe; and "attenuation.c0", "c1", "c2" at their
+      value in the scene's lights.
+    - `bounds`: lower and upper by name, by default 0 and 1 for each k (None: unbounded), and 0.1 and
+      100,000 for the shininess (None: these). They hold at every step. With a fitted attenuation
+      k_d and k_s have no scale of their own, and no upper bound, unless one of them or of the
+      constants is held.
     - `valid`: which pixels to use [H, W], one or one an image; by default all of the foreground.
 
     Raises `BadInput` for images, G-buffers, scenes and masks that do not fit together, for images
@@ -105,10 +107,16 @@ def fit(
     photographs = match(images, gbuffer, scenes, valid)
     seen = views(photographs)
     start = default_material(p.scene for p in photographs) if material is None else material
-    held = held_names(hold, start)
+    held = held_names(hold, start, attenuated=attenuation is not None)
+    if material is None and held - set(CONSTANTS):
+        raise BadInput(
+            f"hold names {min(held - set(CONSTANTS))} and no material is given: its value is what is"
+            " kept; give material="
+        )
     distances = None if attenuation is None else _distances(attenuation, seen)
     dtype = seen[0].gbuffer.normal.x.dtype
-    model = _model(start, held, photographs[0].image.shape[2], distances, dtype)
+    constants = _held_law(held, photographs, distances)
+    model = _model(start, held, photographs[0].image.shape[2], distances, constants, dtype)
     limit = limits(model, held, start, bounds or {}, start_given=material is not None)
     found = search(_problem(model, limit, seen), limit.nodes, *limit.box)
 
@@ -119,7 +127,7 @@ def fit(
         p.scene if law is None else with_attenuation(p.scene, law) for p in photographs
     )
     relit = [p._replace(scene=s) for p, s in zip(photographs, scenes_out, strict=True)]
-    measured = evaluate(recovered, relit)
+    measured = measure(recovered, relit)
     observations = sum(int((view.weight > 0).sum()) for view in seen) * model.channel_count
     known = np.concatenate([limit.held.ravel(), found.model.known])
     uncertainty = propagate(found.at, found.u, known, observations, recovery.coefficients)
@@ -132,7 +140,11 @@ def fit(
         coefficients=values,
         standard_errors={n: e for n, e in uncertainty.standard_errors.items() if n in free},
         unidentified=unidentified(
-            free, uncertainty, brightest, scaled=law is not None and not model.scaled
+            free,
+            uncertainty,
+            brightest,
+            scaled=law is not None and not model.scaled,
+            clamped=recovery.exceeds_one(found.u),
         ),
         relative_residual=measured.relative_residual,
         fraction_excluded=measured.fraction_excluded,
@@ -149,6 +161,7 @@ def _model(
     held: frozenset[str],
     channel_count: int,
     distances: tuple[float, float] | None,
+    held_law: tuple[float | None, ...],
     dtype: jnp.dtype,
 ) -> Model:
     if any(leaf.ndim > 1 for leaf in jax.tree.leaves(start)):
@@ -163,7 +176,33 @@ def _model(
         searched=searched,
         channel_count=channel_count,
         distance=None if distances is None else jnp.asarray(distances[0], dtype),
-        scaled=distances is not None and bool(held & set(linear_names(start)) - {"ka"}),
+        scaled=distances is not None
+        and (bool(held & set(linear_names(start)) - {"ka"}) or any(held_law)),
+        held_law=held_law,
+    )
+
+
+def _held_law(
+    held: frozenset[str], photographs: Sequence[Photograph], distances: tuple[float, float] | None
+) -> tuple[float | None, ...]:
+    """l0, l1, l2 of the constants that are held, at the value that the scene's lights give them."""
+    if distances is None or not held & set(CONSTANTS):
+        return (None, None, None)
+    laws = [
+        light.attenuation
+        for photograph in photographs
+        for light in photograph.scene.lights
+        if isinstance(light, PointLight) and isinstance(light.attenuation, QuadraticAttenuation)
+    ]
+    if not laws:
+        raise BadInput(
+            f"hold names {min(held & set(CONSTANTS))}, and no light of the scene has a"
+            " QuadraticAttenuation, whose value is what is kept"
+        )
+    constants = (laws[0].c0, laws[0].c1, laws[0].c2)
+    return tuple(
+        float(value) * distances[0] ** power if name in held else None
+        for power, (name, value) in enumerate(zip(CONSTANTS, constants, strict=True))
     )
 
 
@@ -186,7 +225,9 @@ def _distances(
             )
         for light in lights:
             distance, facing = (np.asarray(x) for x in _towards(light, normal, position))
-            lit = (facing > 0) & (view.weight > 0) & (distance > 0)
+            lit = (facing > 0) & (distance > 0)
+            if view.gbuffer.spread is None:  # else points are not pixels, and have no weight
+                lit = lit & (view.weight > 0)
             if lit.any():
                 logarithms.append(np.log(distance[lit]))
                 nearest = min(nearest, float(distance[lit].min()))
@@ -204,11 +245,15 @@ def _towards(light: PointLight, normal: Vec3, position: Vec3) -> tuple[Array, Ar
 def _problem(model: Model, limit: Limits, seen: Sequence[View]) -> Problem:
     dtype = seen[0].gbuffer.normal.x.dtype
     squares = sum(float(np.sum(view.weight * view.observed**2)) for view in seen)
-    return Problem(
+    problem = Problem(
         model=model,
         groups=group_views(seen),
         lower=jnp.asarray(limit.lower, dtype),
         upper=jnp.asarray(limit.upper, dtype),
         norm=jnp.asarray(squares**0.5 or 1.0, dtype),
         block_share=jnp.ones((), dtype),
+    )
+    # One precision throughout, that of the surface, whatever images and lights came in.
+    return jax.tree.map(
+        lambda x: x.astype(dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, problem
     )

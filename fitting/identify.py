@@ -24,12 +24,17 @@ class Unidentified:
 
 
 def unidentified(
-    values: Mapping[str, np.ndarray], uncertainty: Uncertainty, brightest: float, scaled: bool
+    values: Mapping[str, np.ndarray],
+    uncertainty: Uncertainty,
+    brightest: float,
+    *,
+    scaled: bool,
+    clamped: bool,
 ) -> tuple[Unidentified, ...]:
     """Judge every reported coefficient by its Cramer-Rao error for noise of a thousandth of the maximum.
 
     `scaled` says that attenuation constants were fitted, whose scale no image can tell from k_d and
-    k_s. A coefficient that is zero, beside others that are not, is known by its absolute error.
+    k_s; `clamped`, that they make f exceed 1 somewhere. A coefficient that is zero, beside others that are not, is known by its absolute error.
     """
     found = [_blind(names, values) for names in uncertainty.blind]
     told = {name for item in found for name in item.coefficients}
@@ -48,6 +53,14 @@ def unidentified(
         worst = float(np.max(np.where(np.isnan(relative), np.inf, relative), initial=0.0))
         if worst > TOLERANCE:
             found.append(Unidentified((name,), _vague(name, worst, values)))
+    if clamped:
+        found.append(
+            Unidentified(
+                tuple(n for n in values if n.startswith("attenuation.c")),
+                "they make f exceed 1 at the nearest points, where LIGHT-12 clamps it and the fit"
+                " does not: leave those points out by `valid`, or do not hold what sets the scale",
+            )
+        )
     if scaled:
         names = tuple(n for n in values if n.startswith("attenuation.c") or _scaled(n))
         found.append(

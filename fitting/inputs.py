@@ -38,7 +38,7 @@ def match(
     masks: list[Any]
     if valid is None:
         masks = [None] * count
-    elif isinstance(valid, np.ndarray) and valid.ndim == 2:
+    elif getattr(valid, "ndim", None) == 2:
         masks = [valid] * count
     else:
         masks = list(valid)  # type: ignore[arg-type]

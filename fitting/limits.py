@@ -51,7 +51,8 @@ def limits(
     lower, natural = np.array(columns, float).reshape(-1, 2, model.channel_count).transpose(1, 2, 0)
     is_held = np.tile([name in held for name in names], (model.channel_count, 1))
     floating = model.distance is not None and not model.scaled
-    upper = np.where([floating and name != "ka" for name in names], np.inf, natural)
+    open_above = np.array([floating and name != "ka" for name in names]) & (natural != 0)
+    upper = np.where(open_above, np.inf, natural)
 
     edges = []
     for j in model.searched:
@@ -63,7 +64,7 @@ def limits(
             )
         edges.append((np.log(low), np.log(high)))
     if model.distance is not None:
-        edges += [(0.0, np.inf)] * 3
+        edges += [(0.0, np.inf) if held is None else (held, held) for held in model.held_law]
     box = np.array(edges, float).reshape(-1, 2).T
     nodes = _grid(model)
     if start_given:

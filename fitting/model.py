@@ -6,6 +6,7 @@ a method: holding and scales live here, never in the material.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,6 +23,7 @@ from diffshade.shading.basis import basis
 from fitting.gauge import ReferenceAttenuation, with_attenuation
 
 __all__ = [
+    "CONSTANTS",
     "Model",
     "coefficient",
     "default_material",
@@ -36,8 +38,9 @@ class Model(eqx.Module):
 
     `material` has the values of what is held. u holds, in this order, the logarithm of the shininess
     of the lobes `searched`; then, where an attenuation is fitted at the reference distance
-    `distance`, its l0, l1, l2. Of these the one that `dependent` marks makes up the sum of 1; none does
-    where the scale is known because k_d or a k_s is held (`scaled`).
+    `distance`, its l0, l1, l2. Of these the one that `dependent` marks makes up the sum of 1; none
+    does where the scale is known (`scaled`), because k_d, a k_s or one of c0, c1, c2 is held.
+    `held_law` has the values of l that are held.
     """
 
     material: Material
@@ -45,6 +48,7 @@ class Model(eqx.Module):
     channel_count: int = eqx.field(static=True)
     distance: Float[Array, ""] | None = None
     scaled: bool = eqx.field(static=True, default=False)
+    held_law: tuple[float | None, ...] = eqx.field(static=True, default=(None, None, None))
     dependent: Bool[Array, "q"] | None = None
 
     @property
@@ -54,8 +58,11 @@ class Model(eqx.Module):
 
     @property
     def known(self) -> Bool[np.ndarray, "q"]:
-        """Which of the unknowns depends on the others."""
-        return np.zeros(self.size, bool) if self.dependent is None else np.asarray(self.dependent)
+        """Which of the unknowns are held, or depend on the others."""
+        still = np.zeros(self.size, bool) if self.dependent is None else np.array(self.dependent)
+        if self.distance is not None:
+            still[len(self.searched) :] |= [value is not None for value in self.held_law]
+        return still
 
     def unpack(self, u: Float[Array, "q"]) -> tuple[Material, ReferenceAttenuation | None]:
         """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
@@ -80,9 +87,7 @@ class Model(eqx.Module):
             return self
         largest = len(self.searched) + int(np.argmax(u[len(self.searched) :]))
         dependent = np.arange(self.size) == largest
-        return Model(
-            self.material, self.searched, self.channel_count, self.distance, self.scaled, dependent
-        )
+        return replace(self, dependent=dependent)
 
     def columns(
         self, u: Float[Array, "q"], gbuffer: GBuffer, scene: Scene
@@ -134,11 +139,18 @@ def default_material(scenes: Iterable[Scene]) -> Material:
     return Material(ka=half if ambient else None, kd=half, specular=(lobe,))
 
 
-def held_names(hold: Iterable[str], material: Material) -> frozenset[str]:
+CONSTANTS = ("attenuation.c0", "attenuation.c1", "attenuation.c2")
+"""The names of a fitted attenuation's constants."""
+
+
+def held_names(
+    hold: Iterable[str], material: Material, *, attenuated: bool = False
+) -> frozenset[str]:
     """Full names of what is held; "specular.ks" stands for that of every lobe."""
     if isinstance(hold, str):
         raise BadInput(f"hold is {hold!r}: give a sequence of names, ({hold!r},)")
-    known = (*linear_names(material), *shininess_names(material))
+    constants = CONSTANTS if attenuated else ()
+    known = (*linear_names(material), *shininess_names(material), *constants)
     names = set()
     for name in hold:
         lobes = {

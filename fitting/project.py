@@ -31,7 +31,7 @@ class Problem(eqx.Module):
     lower: Float[Array, "C p"]
     upper: Float[Array, "C p"]
     norm: Float[Array, ""]  # of everything observed: the unit of the residual
-    block_share: Float[Array, ""]  # in (0, 1]: the share of the blocks that is looked at
+    block_share: Float[Array, ""]  # in [0, 1]: the share of the blocks looked at, one at the least
 
 
 class Linearised(eqx.Module):

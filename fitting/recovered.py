@@ -49,6 +49,13 @@ class Recovery(eqx.Module):
             }
         return found
 
+    def exceeds_one(self, u: Float[Array, "q"]) -> bool:
+        """Whether a law whose scale is known passes 1, where LIGHT-12 would clamp it."""
+        law = self.model.unpack(u)[1]
+        if law is None or self.nearest is None or not self.model.scaled:
+            return False
+        return float(law(self.nearest)) > 1 + 1e-6
+
     def _scale(self, k: Numbers, law: ReferenceAttenuation | None) -> Float[Array, ""] | None:
         """The common scale of c0, c1, c2 and k_d, k_s: known where one of these is held."""
         if law is None or self.nearest is None:
@@ -56,7 +63,8 @@ class Recovery(eqx.Module):
         if self.model.scaled:
             return jnp.ones_like(law.gain)
         attenuated = _attenuated(self.model.material, k)
-        shares = jnp.where(attenuated & jnp.isfinite(self.upper), k / self.upper, 0)
+        bounded = attenuated & jnp.isfinite(self.upper) & (self.upper > 0)
+        shares = jnp.where(bounded, k / jnp.where(bounded, self.upper, 1), 0)
         return law.natural_scale(self.nearest, jnp.max(shares))
 
 

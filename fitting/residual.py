@@ -5,11 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diffshade.arrays import ArrayLike
+from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material
+from diffshade.scene import Scene
 from diffshade.shading.render import render
-from fitting.inputs import Photograph
+from fitting.inputs import Photograph, match
 
-__all__ = ["Evaluation", "ImageResidual", "evaluate"]
+__all__ = ["Evaluation", "ImageResidual", "evaluate", "measure"]
 
 
 @dataclass(frozen=True)
@@ -33,11 +36,30 @@ class Evaluation:
     per_image: tuple[ImageResidual, ...]
 
 
-def evaluate(material: Material, photographs: Sequence[Photograph]) -> Evaluation:
-    """Render every photograph's scene with a material, and measure what differs.
+def evaluate(
+    material: Material,
+    images: ArrayLike | Sequence[ArrayLike],
+    gbuffer: GBuffer | Sequence[GBuffer],
+    scenes: Scene | Sequence[Scene],
+    *,
+    valid: ArrayLike | Sequence[ArrayLike] | None = None,
+) -> Evaluation:
+    """How well a material predicts images of known surfaces under known lights.
 
-    The norms run over all valid foreground pixels and all channels.
+    The arguments are those of `fit`, and so are the errors raised. The norms run over all valid
+    foreground pixels and all channels.
+
+    >>> import diffshade as ds
+    >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(16, 16, 2.2))
+    >>> scene, material = ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.6)
+    >>> evaluate(material, ds.render(g, scene, material), g, scene).relative_residual
+    0.0
     """
+    return measure(material, match(images, gbuffer, scenes, valid))
+
+
+def measure(material: Material, photographs: Sequence[Photograph]) -> Evaluation:
+    """Render every photograph's scene with a material, and measure what differs."""
     rows, squares, norms, foreground = [], 0.0, 0.0, 0
     for image, gbuffer, scene, valid in photographs:
         inside = gbuffer.mask

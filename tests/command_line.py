@@ -44,9 +44,11 @@ def program(*arguments: object, **environment: str) -> subprocess.CompletedProce
     command = [sys.executable, "-m", "diffshade", *map(str, arguments)]
     root = Path(__file__).parents[1]
     path = os.pathsep.join(filter(None, [str(root), os.environ.get("PYTHONPATH")]))
+    # JAX leaves its log level in this process's environment; a user's has none.
+    own = {k: v for k, v in os.environ.items() if k != "TF_CPP_MIN_LOG_LEVEL"}
     return subprocess.run(
         command,
-        env={**os.environ, "PYTHONPATH": path, **environment},
+        env={**own, "PYTHONPATH": path, **environment},
         capture_output=True,
         text=True,
         check=False,

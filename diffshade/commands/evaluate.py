@@ -48,11 +48,10 @@ def evaluate_capture(
     Where the capture asks for attenuation constants to be fitted, the fit's are used.
     """
     progress(f"reading {path}")
+    import fitting
     from diffshade.io.read_capture import read_capture
     from fitting.gauge import with_attenuation
-    from fitting.inputs import match
     from fitting.report import evaluation_to_json, material_from_json
-    from fitting.residual import evaluate
 
     material, attenuation = material_from_json(_read_json(fit_json))
     capture = read_capture(path, white=white, circle=circle, encoding=encoding)
@@ -62,8 +61,10 @@ def evaluate_capture(
         scenes = tuple(with_attenuation(scene, attenuation) for scene in scenes)
     progress(f"predicting {len(capture.images)} images")
     with naming(path):
-        photographs = match(capture.images, capture.gbuffer, scenes, capture.valid)
-        return evaluation_to_json(evaluate(material, photographs), capture)
+        found = fitting.evaluate(
+            material, capture.images, capture.gbuffer, scenes, valid=capture.valid
+        )
+        return evaluation_to_json(found, capture)
 
 
 def _read_json(path: Path) -> Table:

@@ -35,7 +35,7 @@ class AbstractCamera(eqx.Module):
     width: eqx.AbstractVar[int]
     height: eqx.AbstractVar[int]
     position: eqx.AbstractVar[Float[Array, "3"] | None]
-    target: eqx.AbstractVar[Float[Array, "3"]]
+    target: eqx.AbstractVar[Float[Array, "3"] | None]
     up: eqx.AbstractVar[Float[Array, "3"]]
 
     @property
@@ -53,14 +53,18 @@ class AbstractCamera(eqx.Module):
 
     def axes(self) -> tuple[Vec3, Vec3, Vec3]:
         """Unit vectors to the right of the image, to its top, and towards the viewer."""
-        origin = jnp.zeros_like(self.target) if self.position is None else self.position
-        back = unit(Vec3.from_array(origin - self.target))
+        here = jnp.zeros_like(self.up) if self.position is None else self.position
+        if self.target is None:
+            towards = jnp.array([0, 0, 1], here.dtype) if self.position is None else here
+        else:
+            towards = here - self.target
+        back = unit(Vec3.from_array(towards))
         right = unit(cross(Vec3.from_array(self.up), back))
         return right, cross(back, right), back
 
     def centred(self, index: Int[Array, "P"]) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
         """Pixel centres from the image's centre, in pixels: to the right, and upwards."""
-        dtype = self.target.dtype
+        dtype = self.up.dtype
         column = (index % self.width).astype(dtype)
         row = (index // self.width).astype(dtype)
         return column + (0.5 - self.width / 2), (self.height / 2 - 0.5) - row
@@ -79,7 +83,8 @@ class OrthographicCamera(AbstractCamera):
     """Parallel rays; `extent` is the image's width in world units, and pixels are square.
 
     Without `position` it looks along -z, centred on the z axis, from in front of everything. With
-    one it sees what lies before that point, towards `target`, with `up` to the top of the image.
+    one it sees what lies before that point, towards `target` (the origin, where none is given), with
+    `up` to the top of the image.
 
     >>> OrthographicCamera(width=512, height=512, extent=2.4).width
     512
@@ -91,7 +96,7 @@ class OrthographicCamera(AbstractCamera):
     position: Float[Array, "3"] | None = eqx.field(
         converter=optional(vector("the camera's position"))
     )
-    target: Float[Array, "3"] = eqx.field(converter=vector("target"))
+    target: Float[Array, "3"] | None = eqx.field(converter=optional(vector("target")))
     up: Float[Array, "3"] = eqx.field(converter=vector("up"))
 
     def __init__(
@@ -106,11 +111,10 @@ class OrthographicCamera(AbstractCamera):
     ) -> None:
         if position is None and target is not None:
             raise BadInput("an orthographic camera has a target and no position: give both")
-        ahead = (0.0, 0.0, -1.0) if position is None else (0.0, 0.0, 0.0)
         self.width, self.height = count("width")(width), count("height")(height)
         self.extent = number("extent")(extent)
         self.position = optional(vector("the camera's position"))(position)
-        self.target = vector("target")(ahead if target is None else target)
+        self.target = optional(vector("target"))(target)
         self.up = vector("up")(up)
 
     @property
@@ -121,7 +125,7 @@ class OrthographicCamera(AbstractCamera):
         right, up, back = self.axes()
         pixel = self.extent / self.width
         x, y = self.centred(index)
-        centre = jnp.zeros_like(self.target) if self.position is None else self.position
+        centre = jnp.zeros_like(self.up) if self.position is None else self.position
         return Rays(
             Vec3.from_array(centre) + right * (x * pixel) + up * (y * pixel),
             -back,

@@ -128,8 +128,9 @@ def visibility(geometry: AbstractSurface, camera: AbstractCamera) -> Visibility:
             "visibility was asked for inside jit, grad or vmap, where it cannot be decided: compute"
             " ds.visibility(geometry, camera) outside and pass it to ds.gbuffer"
         )
-    camera.check()
-    return geometry.visibility(camera)
+    with jax.ensure_compile_time_eval():
+        camera.check()
+        return geometry.visibility(camera)
 
 
 def gbuffer(
@@ -184,7 +185,11 @@ def _gbuffer(
 
 def _image_of_vectors(name: str, value: ArrayLike, shape: tuple[int, int] | None) -> Array:
     # Pixels outside the mask may hold anything, NaN included: they are looked at only inside it.
-    array = value if isinstance(value, jax.Array) else jnp.asarray(np.asarray(value), float)
+    if isinstance(value, jax.Array):
+        array = value
+    else:
+        with jax.ensure_compile_time_eval():  # inside jit too it decides the foreground
+            array = jnp.asarray(np.asarray(value), float)
     if not jnp.issubdtype(array.dtype, jnp.floating):
         array = array.astype(float)
     if array.ndim != 3 or array.shape[2] != 3:

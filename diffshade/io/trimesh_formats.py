@@ -4,7 +4,9 @@ Its readers are called, and not its meshes built: those would merge vertices, an
 their own where the file has none.
 """
 
+import json
 import logging
+import struct
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -69,6 +71,11 @@ def read_gltf(path: Path) -> list[Part]:
 
     load = load_glb if path.suffix.lower() == ".glb" else load_gltf
     read = _by_trimesh(path, load, resolver=FilePathResolver(str(path)), skip_materials=True)
+    if unknown := _extensions_of_geometry(path):
+        raise BadInput(
+            f"{path}: needs the glTF extension {unknown[0]}, which is not read; export it without"
+            " compression"
+        )
     graph = SceneGraph(base_frame=read.get("base_frame", "world"))
     for edge in read["graph"]:
         graph.update(**edge)
@@ -78,6 +85,19 @@ def read_gltf(path: Path) -> list[Part]:
         places[name].append(np.asarray(matrix))
     primitives = ((_part(path, read["geometry"][name]), at) for name, at in places.items() if at)
     return [merged([_moved(part, matrix) for matrix in at]) for part, at in primitives]
+
+
+def _extensions_of_geometry(path: Path) -> list[str]:
+    """Those that a file requires and that change its meshes, of which some versions of trimesh read
+    zeros.
+    """
+    content = path.read_bytes()
+    if content[:4] == b"glTF":  # the header is the first chunk
+        (length,) = struct.unpack("<I", content[12:16])
+        content = content[20 : 20 + length]
+    required = json.loads(content).get("extensionsRequired", [])
+    harmless = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_")
+    return [name for name in required if not name.startswith(harmless)]
 
 
 def merged(parts: list[Part]) -> Part:

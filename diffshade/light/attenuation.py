@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.arrays import floats
+from diffshade.arrays import positive
 
 __all__ = [
     "AbstractAttenuation",
@@ -41,13 +41,13 @@ class QuadraticAttenuation(AbstractAttenuation):
     0.3333...
     """
 
-    c0: Float[Array, "..."] = eqx.field(converter=floats("c0"))
-    c1: Float[Array, "..."] = eqx.field(converter=floats("c1"), default=0.0)
-    c2: Float[Array, "..."] = eqx.field(converter=floats("c2"), default=0.0)
+    c0: Float[Array, "..."] = eqx.field(converter=positive("c0"))
+    c1: Float[Array, "..."] = eqx.field(converter=positive("c1"), default=0.0)
+    c2: Float[Array, "..."] = eqx.field(converter=positive("c2"), default=0.0)
 
     def __call__(self, d: Plane) -> Plane:
         q = self.c0 + d * (self.c1 + d * self.c2)
-        return 1 / jnp.where(q >= 1, q, 1)
+        return 1 / jnp.where(q < 1, 1, q)
 
 
 class LinearAttenuation(AbstractAttenuation):
@@ -57,8 +57,8 @@ class LinearAttenuation(AbstractAttenuation):
     0.5
     """
 
-    c0: Float[Array, "..."] = eqx.field(converter=floats("c0"))
-    c1: Float[Array, "..."] = eqx.field(converter=floats("c1"))
+    c0: Float[Array, "..."] = eqx.field(converter=positive("c0"))
+    c1: Float[Array, "..."] = eqx.field(converter=positive("c1"))
 
     def __call__(self, d: Plane) -> Plane:
         return guard.reciprocal(self.c0 + self.c1 * d)
@@ -82,7 +82,7 @@ class ExponentialAttenuation(AbstractAttenuation):
     1.0
     """
 
-    a: Float[Array, "..."] = eqx.field(converter=floats("a"))
+    a: Float[Array, "..."] = eqx.field(converter=positive("a"))
 
     def __call__(self, d: Plane) -> Plane:
         return jnp.exp(-self.a * d)

@@ -6,9 +6,10 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
-from diffshade.arrays import floats, optional
+from diffshade.arrays import coefficients, is_concrete, optional
 from diffshade.errors import BadInput
 from diffshade.reflectance.lobe import AbstractLobe
 
@@ -37,11 +38,11 @@ class Material(eqx.Module):
     1
     """
 
-    ka: Coefficient = eqx.field(converter=optional(floats("ka")), default=None)
-    kd: Coefficient = eqx.field(converter=optional(floats("kd")), default=None)
+    ka: Coefficient = eqx.field(converter=optional(coefficients("ka")), default=None)
+    kd: Coefficient = eqx.field(converter=optional(coefficients("kd")), default=None)
     specular: tuple[AbstractLobe, ...] = eqx.field(converter=_lobes, default=())
-    od: Coefficient = eqx.field(converter=optional(floats("od")), default=None)
-    os: Coefficient = eqx.field(converter=optional(floats("os")), default=None)
+    od: Coefficient = eqx.field(converter=optional(coefficients("od")), default=None)
+    os: Coefficient = eqx.field(converter=optional(coefficients("os")), default=None)
 
 
 def by_slot(materials: Sequence[Material], slot: Int[Array, "P"]) -> Material:
@@ -53,6 +54,12 @@ def by_slot(materials: Sequence[Material], slot: Int[Array, "P"]) -> Material:
     >>> by_slot([Material(kd=0.2), Material(kd=0.8)], jnp.array([0, 1, 1])).kd.shape
     (1, 3)
     """
+    if is_concrete(slot) and slot.size:
+        largest = int(np.max(np.asarray(slot)))
+        if largest >= len(materials):
+            raise BadInput(
+                f"slot {largest} of {len(materials)} materials: slots count from 0; give a material each"
+            )
     forms = {jax.tree.structure(material) for material in materials}
     if len(forms) > 1:
         raise BadInput(

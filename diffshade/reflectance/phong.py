@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.arrays import floats
+from diffshade.arrays import coefficients, positive
 from diffshade.channels import channels
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.vector import Vec3, dot, reflect
@@ -25,7 +25,7 @@ def phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
     jumps to 0.
     """
     r_dot_v = dot(reflect(l, n), v)
-    return guard.power(jnp.where(n_dot_l > 0, r_dot_v, 0), shininess)
+    return guard.power(jnp.where(n_dot_l <= 0, 0, r_dot_v), shininess)
 
 
 class Phong(AbstractLobe):
@@ -38,8 +38,8 @@ class Phong(AbstractLobe):
     0
     """
 
-    ks: Float[Array, "..."] = eqx.field(converter=floats("ks"))
-    shininess: Float[Array, "..."] = eqx.field(converter=floats("shininess"))
+    ks: Float[Array, "..."] = eqx.field(converter=coefficients("ks"))
+    shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "phong"
 
     def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:

@@ -7,8 +7,11 @@ is linear in the coefficients. The sums over lights j are computed here, once, f
 rendering contracts them with a material, fitting solves for the material that contracts best.
 """
 
+from typing import TypeVar
+
 import equinox as eqx
 import jax
+from jaxtyping import Array, Float
 
 from diffshade.channels import Channels, channels, plus, times
 from diffshade.geometry.gbuffer import GBuffer
@@ -25,7 +28,8 @@ __all__ = ["Basis", "basis", "contract"]
 class Basis(eqx.Module):
     """The image that a coefficient of 1 would give, term by term; None or () where absent.
 
-    Every term is a tuple with one entry for all channels, or one a channel. `ambient` holds
+    Object colours, which are known, are in it: O_d in the ambient and diffuse terms, O_s in the
+    specular ones. Every term is a tuple with one entry for all channels, or one a channel. `ambient` holds
     numbers, I_a; `diffuse` planes [P], sum_j I_j f_j n.l_j; `specular` the same for each lobe.
     """
 
@@ -35,7 +39,7 @@ class Basis(eqx.Module):
 
 
 def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
-    """The basis of an image for `material`'s terms and lobes; its ka, kd and ks are not read.
+    """The basis of an image for `material`'s terms, lobes and colours; ka, kd and ks are not read.
 
     What is absent is not computed: no ambient without I_a and k_a, no n.l or l without lights, no
     view without a lobe, no distance without attenuation.
@@ -43,32 +47,38 @@ def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
     ambient = None if material.ka is None or scene.ambient is None else channels(scene.ambient)
     lit = bool(scene.lights) and (material.kd is not None or bool(material.specular))
     diffuse, specular = _light_sums(gbuffer, scene.lights, material) if lit else (None, ())
-    return Basis(ambient, diffuse, specular)
+    return Basis(
+        ambient=_coloured(ambient, material.od),
+        diffuse=_coloured(diffuse, material.od),
+        specular=tuple(_coloured(shape, material.os) for shape in specular),
+    )
 
 
 def contract(basis: Basis, material: Material) -> Channels:
-    """The image's planes: the basis times ka O_d, kd O_d and each ks O_s, summed.
+    """The image's planes: the basis times ka, kd and each ks, summed.
 
-    Empty where nothing is lit; a term that is the same for all pixels is a number.
+    Empty where nothing is lit; a term that is the same for all pixels is a number. The basis is of
+    a material with the same terms and lobes.
     """
-    od = () if material.od is None else (channels(material.od),)
-    os = () if material.os is None else (channels(material.os),)
-    terms = []
-    if basis.ambient is not None and material.ka is not None:
-        terms.append((basis.ambient, channels(material.ka), *od))
-    if basis.diffuse is not None and material.kd is not None:
-        terms.append((basis.diffuse, channels(material.kd), *od))
-    for lobe, shape in zip(material.specular, basis.specular, strict=False):
-        terms.append((shape, channels(lobe.ks), *os))
-
+    coefficients = (material.ka, material.kd, *(lobe.ks for lobe in material.specular))
+    # Without lights there is no specular basis.
+    shapes = (basis.ambient, basis.diffuse, *(basis.specular or (None,) * len(material.specular)))
     image: Channels = ()
-    for shape, *coefficients in terms:
-        weight = coefficients[0]
-        for factor in coefficients[1:]:
-            weight = times(weight, factor)
-        term = times(weight, shape)
-        image = plus(image, term) if image else term
+    for coefficient, shape in zip(coefficients, shapes, strict=True):
+        if coefficient is not None and shape is not None:
+            term = times(channels(coefficient), shape)
+            image = plus(image, term) if image else term
     return image
+
+
+T = TypeVar("T", Channels, Channels | None)
+
+
+def _coloured(shape: T, colour: Float[Array, "..."] | None) -> T:
+    """A term times its object colour; None is 1, and nothing is computed."""
+    if shape is None or colour is None:
+        return shape
+    return times(channels(colour), shape)
 
 
 def _light_sums(

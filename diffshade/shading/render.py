@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from diffshade.arrays import is_concrete
+from diffshade.arrays import is_concrete, is_outermost
 from diffshade.channels import Channels
 from diffshade.errors import BadInput
 from diffshade.fusion import compiler_options
@@ -40,13 +40,18 @@ def render(
     >>> ds.render(g, ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)).shape
     (8, 8, 1)
     """
-    arguments = (gbuffer, scene, _one_material(gbuffer, material))
-    return (_render_outermost if is_concrete(arguments) else _render)(*arguments)
+    one = _one_material(gbuffer, material)
+    _check_maps(gbuffer, one)
+    arguments = (gbuffer, scene, one)
+    outermost = is_outermost() and is_concrete(arguments)
+    return (_render_outermost if outermost else _render)(*arguments)
 
 
 def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> Material:
     if isinstance(material, Material):
         return material
+    if not material:
+        raise BadInput("no materials are given: give one, or one a slot")
     if len(material) == 1:
         return material[0]
     if gbuffer.slot is None:
@@ -55,6 +60,21 @@ def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> 
             " whose faces have slots"
         )
     return by_slot(material, gbuffer.slot)
+
+
+def _check_maps(gbuffer: GBuffer, material: Material) -> None:
+    maps = [leaf.shape for leaf in jax.tree.leaves(material) if leaf.ndim == 2]
+    if maps and gbuffer.spread is not None:
+        raise BadInput(
+            "a material has maps over pixels, and this G-buffer is shaded once a face or a vertex:"
+            " use PhongShading()"
+        )
+    for shape in maps:
+        if shape[1] != gbuffer.pixel_count:
+            raise BadInput(
+                f"a coefficient has shape {shape}: a map is [C or 1, P], P = {gbuffer.pixel_count}"
+                " foreground pixels (GBuffer.from_image makes one of an image)"
+            )
 
 
 def _planes(gbuffer: GBuffer, scene: Scene, material: Material) -> Channels:
