@@ -9,8 +9,8 @@ from .geometry.gbuffer import GBuffer as GBuffer
 from .geometry.gbuffer import gbuffer as gbuffer
 from .geometry.gbuffer import visibility as visibility
 from .geometry.mesh import Mesh as Mesh
-from .geometry.mesh_file import load_mesh as load_mesh
 from .geometry.sphere import Sphere as Sphere
+from .io.mesh import load_mesh as load_mesh
 from .light.attenuation import ExponentialAttenuation as ExponentialAttenuation
 from .light.attenuation import InverseSquare as InverseSquare
 from .light.attenuation import LinearAttenuation as LinearAttenuation

@@ -26,7 +26,7 @@ __all__ = [
     "vector",
 ]
 
-ArrayLike = float | Sequence[Any] | np.ndarray | Array
+ArrayLike = float | int | np.generic | Sequence[Any] | np.ndarray | Array
 
 
 def floats(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
@@ -49,7 +49,8 @@ def floats(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
         # An array keeps its precision as far as JAX's 64-bit mode allows; plain numbers have the
         # default one.
         dtype = host.dtype if isinstance(value, np.ndarray) else float
-        return jnp.asarray(host, dtype=jax.dtypes.canonicalize_dtype(dtype))
+        with jax.ensure_compile_time_eval():  # a value inside jit too, not a tracer
+            return jnp.asarray(host, dtype=jax.dtypes.canonicalize_dtype(dtype))
 
     return convert
 

@@ -12,7 +12,7 @@ from jaxtyping import Array
 from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.light.attenuation import QuadraticAttenuation
+from diffshade.light.attenuation import AbstractAttenuation, QuadraticAttenuation
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
@@ -65,9 +65,9 @@ def fit(
     scenes: Scene | Sequence[Scene],
     *,
     material: Material | None = None,
-    attenuation: type[QuadraticAttenuation] | None = None,
+    attenuation: type[AbstractAttenuation] | None = None,
     hold: Iterable[str] = (),
-    robust: None = None,
+    robust: object = None,
     bounds: Bounds | None = None,
     valid: ArrayLike | Sequence[ArrayLike] | None = None,
 ) -> Fit:
@@ -206,9 +206,7 @@ def _held_law(
     )
 
 
-def _distances(
-    attenuation: type[QuadraticAttenuation], seen: Sequence[View]
-) -> tuple[float, float]:
+def _distances(attenuation: type[AbstractAttenuation], seen: Sequence[View]) -> tuple[float, float]:
     """The geometric mean distance between lights and the points they light, and the least."""
     if attenuation is not QuadraticAttenuation:
         raise BadInput(

@@ -34,7 +34,8 @@ def unidentified(
     """Judge every reported coefficient by its Cramer-Rao error for noise of a thousandth of the maximum.
 
     `scaled` says that attenuation constants were fitted, whose scale no image can tell from k_d and
-    k_s; `clamped`, that they make f exceed 1 somewhere. A coefficient that is zero, beside others that are not, is known by its absolute error.
+    k_s; `clamped`, that they make f exceed 1 somewhere. A coefficient that is zero, beside others
+    that are not, is known by its absolute error.
     """
     found = [_blind(names, values) for names in uncertainty.blind]
     told = {name for item in found for name in item.coefficients}

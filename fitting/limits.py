@@ -12,7 +12,8 @@ from fitting.model import Model, coefficient, linear_names, shininess_names
 
 __all__ = ["Bounds", "Limits", "limits"]
 
-Bounds = Mapping[str, tuple[float | None, float | None]]
+Bound = float | int | None
+Bounds = Mapping[str, tuple[Bound, Bound]]
 
 REFLECTED = (0.0, 1.0)
 """Of k_a, k_d and k_s by default: a share of the light."""
@@ -92,9 +93,9 @@ def _column(
     return np.full(channel_count, low), np.full(channel_count, high)
 
 
-def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[float | None, float | None]]:
+def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bound]]:
     known = (*linear_names(start), *shininess_names(start))
-    full: dict[str, tuple[float | None, float | None]] = {}
+    full: dict[str, tuple[Bound, Bound]] = {}
     for name, pair in bounds.items():
         parts = name.split(".")
         short = [n for n in known if len(parts) == 2 and n.split(".")[::2] == parts]

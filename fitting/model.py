@@ -7,6 +7,7 @@ a method: holding and scales live here, never in the material.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -86,7 +87,7 @@ class Model(eqx.Module):
         if self.distance is None or self.scaled:
             return self
         largest = len(self.searched) + int(np.argmax(u[len(self.searched) :]))
-        dependent = np.arange(self.size) == largest
+        dependent = jnp.asarray(np.arange(self.size) == largest)
         return replace(self, dependent=dependent)
 
     def columns(
@@ -165,8 +166,8 @@ def held_names(
     return frozenset(names)
 
 
-def coefficient(material: Material, name: str) -> Float[Array, "..."]:
-    """A coefficient by its full name."""
+def coefficient(material: Material, name: str) -> Any:
+    """A coefficient by its full name: an array, or what stands for one inside `tree_at`."""
     if name.startswith("specular."):
         _, lobe, field = name.split(".")
         return getattr(material.specular[int(lobe)], field)

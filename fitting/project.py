@@ -45,7 +45,7 @@ class Linearised(eqx.Module):
     cost: Float[Array, ""]
     gradient: Float[Array, "q"]
     hessian: Float[Array, "q q"]
-    information: Float[Array, "C p+q+1 p+q+1"]
+    information: Float[Array, "C n n"]
 
 
 def cost(problem: Problem, u: Float[Array, "q"]) -> Float[Array, ""]:
@@ -87,7 +87,7 @@ def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
 
 def compressed_residual(
     u: Float[Array, "q"], problem: Problem
-) -> tuple[Float[Array, "q+1"], Linearised]:
+) -> tuple[Float[Array, "m"], Linearised]:
     """q + 1 numbers with the norm and the Gauss-Newton model of the whole residual; and that model.
 
     Its derivative in u is the Jacobian that the data gave, not that of the eliminations above.
@@ -98,7 +98,7 @@ def compressed_residual(
     return (residual + jacobian @ (u - here)) / problem.norm, at
 
 
-def _compress(at: Linearised) -> tuple[Float[Array, "q+1"], Float[Array, "q+1 q"]]:
+def _compress(at: Linearised) -> tuple[Float[Array, "m"], Float[Array, "m q"]]:
     """r and J with J'J = H, J'r = -g and r.r = cost: a Cholesky factor, scaled and guarded."""
     q = at.gradient.size
     eps = jnp.finfo(at.gradient.dtype).eps
@@ -127,10 +127,10 @@ def _solve(problem: Problem, gram: Array) -> tuple[Array, Array]:
     )
 
 
-def _gram(problem: Problem, u: Array) -> Float[Array, "C p+1 p+1"]:
+def _gram(problem: Problem, u: Array) -> Float[Array, "C n n"]:
     """The Gram matrix of [A, y], summed over everything observed."""
 
-    def rows(gbuffer: GBuffer, scene: Scene, observed: Array) -> Float[Array, "C p+1 P"]:
+    def rows(gbuffer: GBuffer, scene: Scene, observed: Array) -> Float[Array, "C n P"]:
         columns = problem.model.columns(u, gbuffer, scene)
         return jnp.concatenate([columns, observed[:, None]], axis=1)
 

@@ -31,7 +31,7 @@ class Uncertainty:
 def propagate(
     at: Linearised,
     u: Float[Array, "q"],
-    known: Bool[np.ndarray, "Cp+q"],
+    known: Bool[np.ndarray, "n"],
     observations: int,
     report: Callable[[Array, Array], Reported],
 ) -> Uncertainty:

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from diffshade.arrays import ArrayLike, is_concrete, vector
 from diffshade.errors import BadInput
@@ -16,7 +16,7 @@ from diffshade.vector import Vec3, unit
 
 __all__ = ["GBuffer", "gbuffer", "visibility"]
 
-Planes = tuple[Float[Array, "P"], ...]
+Planes = tuple[Shaped[Array, "P"], ...]
 
 
 class GBuffer(eqx.Module):
@@ -48,7 +48,7 @@ class GBuffer(eqx.Module):
         inside.flat[slice(None) if self.index is None else np.asarray(self.index)] = True
         return inside
 
-    def to_image(self, planes: Planes) -> Float[Array, "H W C"]:
+    def to_image(self, planes: Planes) -> Shaped[Array, "H W C"]:
         """An image [H, W, C] from one plane a channel over the foreground; background is 0."""
         count = self.shape[0] * self.shape[1]
         if self.index is not None:

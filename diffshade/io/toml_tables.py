@@ -128,7 +128,7 @@ def _geometry(table: Table) -> AbstractSurface | NormalMap:
             table.expect(("kind", "center", "radius"))
             return Sphere(table.vector("center"), table.number("radius", above=0.0))
         case "mesh":
-            from diffshade.geometry.mesh_file import load_mesh
+            from diffshade.io.mesh import load_mesh
 
             table.expect(("kind", "file"))
             return load_mesh(table.file("file"))

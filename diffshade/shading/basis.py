@@ -29,8 +29,9 @@ class Basis(eqx.Module):
     """The image that a coefficient of 1 would give, term by term; None or () where absent.
 
     Object colours, which are known, are in it: O_d in the ambient and diffuse terms, O_s in the
-    specular ones. Every term is a tuple with one entry for all channels, or one a channel. `ambient` holds
-    numbers, I_a; `diffuse` planes [P], sum_j I_j f_j n.l_j; `specular` the same for each lobe.
+    specular ones. Every term is a tuple with one entry for all channels, or one a channel.
+    `ambient` holds numbers, I_a; `diffuse` planes [P], sum_j I_j f_j n.l_j; `specular` the same for
+    each lobe.
     """
 
     ambient: Channels | None

@@ -1,6 +1,7 @@
 """What `fit` promises: holding, bounds, errors that mean something, refusals in one line."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -122,6 +123,88 @@ def test_what_one_image_cannot_tell_is_named() -> None:
     assert fitting.fit(IMAGE, GBUFFER, SCENE).unidentified == ()
 
 
+def test_object_colours_are_part_of_the_model() -> None:
+    """k_d O_d is what is seen; O_d is known."""
+    coloured = ds.Material(
+        ka=0.1, kd=0.6, specular=ds.Phong(0.3, 25.0), od=(0.5, 0.4, 0.9), os=(0.9, 0.5, 0.2)
+    )
+    image = ds.render(GBUFFER, SCENE, coloured)
+    fit = fitting.fit(image, GBUFFER, SCENE, material=coloured)
+    np.testing.assert_allclose(fit.material.kd, 0.6, rtol=1e-4)
+    np.testing.assert_allclose(fit.material.specular[0].ks, 0.3, rtol=1e-4)
+    assert fit.relative_residual < 1e-5
+
+
+@pytest.mark.slow
+def test_constants_can_be_held() -> None:
+    """Holding c1 = 0 leaves the scale free; holding c0 sets it."""
+    truth = ds.QuadraticAttenuation(1.6, 0.0, 0.2)
+    lights = tuple(ds.PointLight(light.position, light.intensity, truth) for light in SCENE.lights)
+    scene = ds.Scene(ambient=0.5, lights=lights)
+    image = ds.render(GBUFFER, scene, TRUTH)
+    allowed = 1e-5 if jax.config.jax_enable_x64 else 1e-2
+    unknown = ds.QuadraticAttenuation
+    fit = fitting.fit(image, GBUFFER, scene, attenuation=unknown, hold=["attenuation.c1"])
+    assert float(fit.coefficients["attenuation.c1"]) == 0
+    ratio = fit.coefficients["attenuation.c2"] / fit.coefficients["attenuation.c0"]
+    np.testing.assert_allclose(ratio, 0.2 / 1.6, rtol=allowed)
+    fit = fitting.fit(image, GBUFFER, scene, attenuation=unknown, hold=["attenuation.c0"])
+    np.testing.assert_allclose(fit.coefficients["attenuation.c0"], 1.6, rtol=1e-6)
+    np.testing.assert_allclose(fit.coefficients["attenuation.c2"], 0.2, rtol=allowed)
+    np.testing.assert_allclose(fit.material.kd, (0.6, 0.4, 0.2), rtol=allowed)
+    assert "attenuation.c0" not in fit.standard_errors
+    assert fit.unidentified == ()
+
+
+def test_bounds_of_zero_hold_with_a_fitted_attenuation() -> None:
+    fit = fitting.fit(
+        IMAGE,
+        GBUFFER,
+        SCENE,
+        attenuation=ds.QuadraticAttenuation,
+        bounds={"specular.ks": (0, 0)},
+    )
+    np.testing.assert_array_equal(fit.material.specular[0].ks, 0)
+
+
+def test_a_clamp_that_would_act_is_named() -> None:
+    """Lights that are three times as strong as the scene says, beside a k_d that is known."""
+    lights = tuple(ds.PointLight(light.position, 3 * light.intensity) for light in SCENE.lights)
+    image = ds.render(GBUFFER, ds.Scene(ambient=0.5, lights=lights), TRUTH)
+    fit = fitting.fit(
+        image, GBUFFER, SCENE, material=TRUTH, hold=["kd"], attenuation=ds.QuadraticAttenuation
+    )
+    assert any("clamps" in item.reason for item in fit.unidentified)
+
+
+@pytest.mark.float64
+def test_a_surface_in_single_precision_under_64_bits() -> None:
+    """The fit is in the surface's precision, whatever images and lights came in."""
+    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, GBUFFER)
+    with jax.numpy_dtype_promotion("standard"):  # the images that it renders are of both
+        fit = fitting.fit(IMAGE, single, SCENE)
+    np.testing.assert_allclose(fit.material.specular[0].shininess, 25.0, rtol=1e-3)
+
+
+def test_attenuation_of_a_gouraud_shaded_mesh() -> None:
+    mesh = ds.Mesh([[-1, -1, 0.2], [1, -1, 0], [1, 1, 0.3], [-1, 1, -0.2]], [[0, 1, 2], [0, 2, 3]])
+    gbuffer = ds.gbuffer(mesh, ds.OrthographicCamera(20, 20, 2.4), shading=ds.GouraudShading())
+    law = ds.QuadraticAttenuation(1.0, 0.0, 0.3)
+    scene = ds.Scene(lights=ds.PointLight((0.5, 0.2, 1.5), 1.0, law))
+    image = ds.render(gbuffer, scene, ds.Material(kd=0.5))
+    unknown = ds.Material(kd=1.0)
+    fit = fitting.fit(image, gbuffer, scene, material=unknown, attenuation=ds.QuadraticAttenuation)
+    assert fit.relative_residual < 1e-4
+
+
+def test_evaluate_measures_what_fit_measures() -> None:
+    fit = fitting.fit(noisy(0.01, 1), GBUFFER, SCENE)
+    again = fitting.evaluate(fit.material, noisy(0.01, 1), GBUFFER, SCENE)
+    assert again.relative_residual == fit.relative_residual
+    other = fitting.evaluate(fit.material, noisy(0.01, 2), GBUFFER, SCENE)
+    assert other.relative_residual == pytest.approx(fit.relative_residual, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -130,10 +213,12 @@ def test_what_one_image_cannot_tell_is_named() -> None:
         ({"images": (IMAGE * 255).astype(np.uint8)}, "linear radiance as floats"),
         ({"images": [IMAGE, IMAGE], "scenes": [SCENE] * 3}, "3 scenes for 2 images"),
         ({"images": np.where(IMAGE > 0.5, np.nan, IMAGE)}, "NaN or infinity"),
-        ({"valid": np.zeros(IMAGE.shape[:2], bool)}, "no pixel is left"),
+        ({"valid": jnp.zeros(IMAGE.shape[:2], bool)}, "no pixel is left"),
         ({"valid": np.ones((3, 3), bool)}, "sizes must match"),
         ({"hold": ["shine"]}, "hold names 'shine'"),
         ({"hold": "kd"}, "a sequence of names"),
+        ({"hold": ["specular.ks"]}, "give material="),
+        ({"hold": ["attenuation.c1"]}, "hold names 'attenuation.c1'"),
         ({"bounds": {"kd": (1, 0)}}, "lower <= upper"),
         ({"bounds": {"specular.0.shininess": (0, 5)}}, "0 < lower"),
         ({"bounds": {"gloss": (0, 5)}}, "bounds names 'gloss'"),

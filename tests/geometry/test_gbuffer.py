@@ -1,5 +1,7 @@
 """G-buffers: from plain arrays, from meshes with derivatives, and to and from images."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -198,3 +200,23 @@ def test_a_full_image_needs_no_index():
     g = ds.gbuffer(cube(), ds.OrthographicCamera(4, 4, 1.0))
     assert g.index is None
     assert g.mask.all()
+
+
+def test_the_foreground_is_the_same_inside_jit():
+    """Plain arrays that a traced function closes over decide the foreground there as outside."""
+    normal = np.zeros((4, 4, 3))
+    normal[1, 2] = (0.0, 0.6, 0.8)
+    outside = ds.GBuffer.from_arrays(None, normal)
+    inside = jax.jit(lambda k: ds.GBuffer.from_arrays(None, normal).normal.z * k)(1.0)
+    assert outside.pixel_count == inside.size == 1
+
+    camera = ds.OrthographicCamera(8, 8, 2.4)
+    expected = ds.gbuffer(ds.Sphere(), camera).position.z
+    closed_over = jax.jit(lambda k: ds.gbuffer(ds.Sphere(), camera).position.z * k)(1.0)
+    np.testing.assert_allclose(closed_over, expected, rtol=1e-6)
+
+
+def test_a_camera_can_be_replaced():
+    camera = dataclasses.replace(ds.OrthographicCamera(8, 8, 2.4), extent=2.0)
+    assert float(camera.extent) == 2.0
+    assert ds.visibility(ds.Sphere(), camera).index.size > 0

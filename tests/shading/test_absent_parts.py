@@ -125,7 +125,7 @@ def test_no_per_pixel_light_vector_for_a_parallel_light() -> None:
     assert point["sub"] == 3
     assert parallel["rsqrt"] == parallel["sub"] == 0
     # n.l (3 products, 2 sums), max(0, .), I_p and k_d are all that is left.
-    assert parallel == Counter(mul=5, add=2, gt=1, select_n=1)
+    assert parallel == Counter(mul=5, add=2, le=1, select_n=1)
 
 
 def test_normals_alone_are_enough_for_parallel_lights() -> None:

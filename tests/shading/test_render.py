@@ -191,3 +191,56 @@ def test_the_exponents_of_phong_and_blinn_phong_differ_by_four() -> None:
     same = ds.render(gbuffer, scene, ds.Material(specular=ds.BlinnPhong(1.0, 20.0)))
     assert np.abs(phong - blinn).max() < 0.03
     assert np.abs(phong - same).max() > 0.3
+
+
+def test_concrete_inputs_inside_jit_and_scan(tolerance: float) -> None:
+    """What is closed over is a value, and yet the call is not outermost."""
+    gbuffer, scene, material = ours(CAMERAS["orthographic"])
+    expected = 2 * np.asarray(ds.render(gbuffer, scene, material))
+    jitted = jax.jit(lambda k: k * ds.render(gbuffer, scene, material))(jnp.asarray(2.0))
+    np.testing.assert_allclose(jitted, expected, atol=10 * tolerance)
+    _, scanned = jax.lax.scan(
+        lambda c, k: (c, k * ds.render(gbuffer, scene, material)), 0.0, jnp.array([2.0])
+    )
+    np.testing.assert_allclose(scanned[0], expected, atol=10 * tolerance)
+
+
+@pytest.mark.parametrize("where", ["shininess", "position", "c0", "kd"])
+def test_nan_stays_nan(where: str) -> None:
+    """A guard makes singular points harmless, and never hides what is wrong from the start."""
+    gbuffer, _, _ = ours(CAMERAS["orthographic"])
+    nan = jnp.asarray(jnp.nan, float)
+    numbers = {
+        "shininess": jnp.asarray(5.0),
+        "position": jnp.ones(3) * 2,
+        "c0": jnp.asarray(1.0),
+        "kd": jnp.asarray(0.5),
+    }
+    numbers[where] = numbers[where] + nan
+
+    def image(n: dict) -> jax.Array:
+        light = ds.PointLight(n["position"], 1.0, ds.QuadraticAttenuation(n["c0"]))
+        material = ds.Material(kd=n["kd"], specular=ds.Phong(0.5, n["shininess"]))
+        return ds.render(gbuffer, ds.Scene(lights=light), material).sum()
+
+    assert np.isnan(image(numbers))
+    if where != "kd":  # in which the image is linear
+        assert np.isnan(np.asarray(jax.grad(image)(numbers)[where])).all()
+
+
+def test_maps_and_materials_that_do_not_fit_are_refused() -> None:
+    gbuffer, scene, _ = ours(CAMERAS["orthographic"])
+    with pytest.raises(ds.BadInput, match="foreground pixels"):
+        ds.render(gbuffer, scene, ds.Material(kd=np.ones((1, 7))))
+    with pytest.raises(ds.BadInput, match="kd has shape"):
+        ds.Material(kd=np.ones((4, 4, 1)))
+    with pytest.raises(ds.BadInput, match="cannot be negative"):
+        ds.Phong(0.5, -1.0)
+    with pytest.raises(ds.BadInput, match=r"kd is '0.5'"):
+        ds.Material(kd="0.5")  # type: ignore[arg-type]
+    with pytest.raises(ds.BadInput, match="no materials"):
+        ds.render(gbuffer, scene, [])
+    mesh = ds.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]], slot=np.array([2]))
+    seen = ds.gbuffer(mesh, ds.OrthographicCamera(8, 8, 2.2))
+    with pytest.raises(ds.BadInput, match="slot 2 of 2 materials"):
+        ds.render(seen, scene, (ds.Material(kd=0.1), ds.Material(kd=0.2)))

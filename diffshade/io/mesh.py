@@ -37,13 +37,15 @@ READERS: dict[str, Callable[[Path], list[Part]]] = {
 }
 
 
-def load_mesh(path: str | Path) -> Mesh:
+def load_mesh(path: str | Path, *, normals: bool = True) -> Mesh:
     """One mesh of all that a file holds: `.obj` with its `.mtl`, `.ply`, `.stl`, `.gltf`, `.glb`.
 
-    Polygons are cut into triangles; axes and units are those of the file. A file of several
-    materials, or else objects, gives each face its `slot`. `materials` are those of the `.mtl`, in
-    the order of the slots, with the halfway-vector lobe (Blinn) of its `illum 2`. They have one
-    form: where one lacks a term that another has, its coefficient is 0.
+    Polygons are cut into triangles; axes and units are those of the file. With `normals=False` its
+    vertex normals are left aside, and computed from its faces: some files store one a face, which no
+    interpolation can smooth. A file of several materials, or else objects, gives each face its
+    `slot`. `materials` are those of the `.mtl`, in the order of the slots, with the halfway-vector
+    lobe (Blinn) of its `illum 2`. They have one form: where one lacks a term that another has, its
+    coefficient is 0.
 
     Warns where the materials that an OBJ file names are not found, and where they have textures.
     Raises `BadInput`, naming the file, for what is missing, no mesh, or has no triangles.
@@ -53,9 +55,9 @@ def load_mesh(path: str | Path) -> Mesh:
     if not path.is_file():
         raise BadInput(f"{path}: there is no such file; check the path")
     if suffix == ".obj":
-        mesh = _from_obj(path, read_obj(path))
+        mesh = _from_obj(path, read_obj(path), normals)
     elif suffix in READERS:
-        mesh = _from_parts(READERS[suffix](path))
+        mesh = _from_parts(READERS[suffix](path), normals)
     else:
         known = ", ".join((".obj", *READERS))
         raise BadInput(f"{path}: is no mesh format that is read; give one of {known}")
@@ -65,25 +67,29 @@ def load_mesh(path: str | Path) -> Mesh:
     return mesh
 
 
-def _from_parts(parts: list[Part]) -> Mesh:
+def _from_parts(parts: list[Part], keep_normals: bool) -> Mesh:
     parts = [part for part in parts if len(part.faces)] or parts
     vertices, faces, normals = merged(parts)
+    if not keep_normals:
+        normals = None
     if normals is not None:
         normals = _complete(normals, lambda: _means(vertices, faces))
     slot = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
     return _mesh(vertices, faces, normals, slot=slot if len(parts) > 1 else None)
 
 
-def _from_obj(path: Path, file: Obj) -> Mesh:
+def _from_obj(path: Path, file: Obj, keep_normals: bool) -> Mesh:
     vertices, faces = file.vertices, file.faces
-    all_normals = np.append(file.normals, np.zeros((1, 3)), axis=0)  # number -1 is none
-    values, number = np.unique(all_normals, axis=0, return_inverse=True)
-    corners = np.stack([faces, number.reshape(-1)[file.face_normals]], axis=-1).reshape(-1, 2)
-    pairs, number = np.unique(corners, axis=0, return_inverse=True)
-    of_vertex, of_normal = pairs.T
-    normals = _complete(values[of_normal], lambda: _means(vertices, faces)[of_vertex])
-    if normals is not None:
-        vertices, faces = vertices[of_vertex], number.reshape(-1, 3)
+    normals = None
+    if keep_normals:
+        all_normals = np.append(file.normals, np.zeros((1, 3)), axis=0)  # number -1 is none
+        values, number = np.unique(all_normals, axis=0, return_inverse=True)
+        corners = np.stack([faces, number.reshape(-1)[file.face_normals]], axis=-1).reshape(-1, 2)
+        pairs, number = np.unique(corners, axis=0, return_inverse=True)
+        of_vertex, of_normal = pairs.T
+        normals = _complete(values[of_normal], lambda: _means(vertices, faces)[of_vertex])
+        if normals is not None:
+            vertices, faces = vertices[of_vertex], number.reshape(-1, 3)
     named = any(file.materials)
     slot = file.material if named else file.group
     return _mesh(
