@@ -58,12 +58,17 @@ class Model(eqx.Module):
         return len(self.searched) + (0 if self.distance is None else 3)
 
     @property
+    def held(self) -> Bool[np.ndarray, "q"]:
+        """Which of the unknowns are held: constants of the attenuation."""
+        held = np.zeros(self.size, bool)
+        if self.distance is not None:
+            held[len(self.searched) :] = [value is not None for value in self.held_law]
+        return held
+
+    @property
     def known(self) -> Bool[np.ndarray, "q"]:
         """Which of the unknowns are held, or depend on the others."""
-        still = np.zeros(self.size, bool) if self.dependent is None else np.array(self.dependent)
-        if self.distance is not None:
-            still[len(self.searched) :] |= [value is not None for value in self.held_law]
-        return still
+        return self.held if self.dependent is None else self.held | np.asarray(self.dependent)
 
     def unpack(self, u: Float[Array, "q"]) -> tuple[Material, ReferenceAttenuation | None]:
         """The material with the shininess of u, its linear coefficients as held, and the attenuation."""

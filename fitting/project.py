@@ -12,6 +12,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from diffshade.geometry.gbuffer import GBuffer
@@ -94,24 +95,31 @@ def compressed_residual(
     """
     here = jax.lax.stop_gradient(u)
     at = linearise(problem, here)
-    residual, jacobian = _compress(at)
+    residual, jacobian = _compress(at, problem.model.held)
     return (residual + jacobian @ (u - here)) / problem.norm, at
 
 
-def _compress(at: Linearised) -> tuple[Float[Array, "m"], Float[Array, "m q"]]:
-    """r and J with J'J = H, J'r = -g and r.r = cost: a Cholesky factor, scaled and guarded."""
+def _compress(
+    at: Linearised, held: Bool[np.ndarray, "q"]
+) -> tuple[Float[Array, "m"], Float[Array, "m q"]]:
+    """r and J with J'J = H, J'r = -g and r.r = cost: a Cholesky factor, scaled and guarded.
+
+    An unknown that is held or depends on others, or that the data see only within rounding, has no
+    column. The diagonal is raised by what rounding may have taken from it: eliminating k leaves of a
+    column's square `raw` only its `curvature`, with errors in proportion to `raw`.
+    """
     q = at.gradient.size
     eps = jnp.finfo(at.gradient.dtype).eps
     curvature = jnp.diagonal(at.hessian)
-    # An unknown that depends on others, or that the data see only within rounding, has no column.
     p = at.k.shape[1]
     raw = jnp.sum(jnp.diagonal(at.information, axis1=1, axis2=2)[:, p : p + q], axis=0)
-    alive = curvature > 30 * eps * raw
+    alive = ~held & (curvature > 30 * eps * raw)
     scale = jnp.sqrt(jnp.where(alive, curvature, 1))
     keep = alive.astype(at.gradient.dtype)
     matrix = at.hessian / jnp.outer(scale, scale) * jnp.outer(keep, keep)
+    raised = 1 + 20 * eps * jnp.where(alive, raw / jnp.where(alive, curvature, 1), 1)
     diagonal = jnp.eye(q, dtype=matrix.dtype)
-    matrix = matrix * (1 - diagonal) + (1 + 20 * eps) * diagonal
+    matrix = matrix * (1 - diagonal) + raised[:, None] * diagonal
     factor = jnp.linalg.cholesky(matrix)
     z = jax.scipy.linalg.solve_triangular(factor, at.gradient * keep / scale, lower=True)
     rest = jnp.sqrt(jnp.maximum(at.cost - z @ z, 0))

@@ -25,7 +25,7 @@ POSITION = np.array([0.05, -0.1, 0.2])
 
 NORMALS = {
     "normal": (0.25, 0.3, 0.9),
-    "grazing": (0.97, -0.61, -0.03),
+    "grazing": (0.97, -0.45, -0.03),
     "back-facing": (-0.5, -0.4, -0.75),
 }
 """Facing the light, almost along the terminator on its lit side, and away from it."""
@@ -46,7 +46,7 @@ def shade(inputs):  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize("lobe", LOBES)
 def test_every_input(lobe: str, light: str) -> None:
     source = LIGHTS[light]
-    names, cases, tolerances = [], [], []
+    names, cases, steps = [], [], []
     for (label, n), (where, normal) in product(SHININESS.items(), NORMALS.items()):
         material = ds.Material(
             ka=(0.2, 0.3, 0.1),
@@ -57,10 +57,11 @@ def test_every_input(lobe: str, light: str) -> None:
             normal = mirror_normal(source) + np.array([0.02, -0.03, 0.01])
         names.append((label, where))
         cases.append((POSITION, np.asarray(normal, float), source, material, EYE))
-        tolerances.append(5e-4 if n == 400.0 and where == "normal" else 2e-7)
+        # A lobe so narrow bends within a thousandth of a unit.
+        steps.append(1e-4 if n == 400.0 else 1e-3)
 
     for (label, where), largest in zip(
-        names, check_gradients(shade, cases, tolerance=tolerances), strict=True
+        names, check_gradients(shade, cases, steps=steps), strict=True
     ):
         dead = dead_inputs(largest)
         if where == "back-facing":
@@ -68,6 +69,10 @@ def test_every_input(lobe: str, light: str) -> None:
             alive = [leaf for leaf in jax.tree.leaves(largest) if np.any(np.asarray(leaf) > 0)]
             assert len(alive) == 1
             assert np.all(np.asarray(largest[3].ka) > 0)
+        elif where == "grazing":
+            # The lobe may be out of sight; the diffuse term is not, and depends on all of these.
+            lit = (largest[1], largest[2].intensity, largest[3].kd)
+            assert all(np.all(np.asarray(leaf) > 0) for leaf in lit), f"{label}: dark at grazing"
         elif where == "normal":
             clamped = [name for name in dead if "attenuation" in name] if "clamped" in light else []
             assert dead == clamped, f"{label}: nothing depends on {dead}"

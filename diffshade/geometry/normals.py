@@ -60,7 +60,7 @@ def newell_normal(polygon: Float[Array, "N 3"]) -> Float[Array, "3"]:
         jnp.sum(less.z * more.x),
         jnp.sum(less.x * more.y),
     )
-    return unit(normal).to_array()
+    return _unit_above_rounding(normal, jnp.sum(dot(here, here))).to_array()
 
 
 def uniform_weights(a: Vec3, b: Vec3, c: Vec3) -> Float[Array, "3 F"]:
@@ -128,7 +128,7 @@ def vertex_normals(
     return _unit_above_rounding(Vec3(x, y, z), terms)
 
 
-def _unit_above_rounding(v: Vec3, terms: Float[Array, "N"]) -> Vec3:
+def _unit_above_rounding(v: Vec3, terms: Float[Array, "*N"]) -> Vec3:
     """v / |v|, or zero where v is but what rounding left of terms of that size."""
     rounding = 8 * float(jnp.finfo(terms.dtype).eps) * terms
     some = dot(v, v) > rounding**2

@@ -222,6 +222,13 @@ def test_degenerate_faces_do_not_count(weights):
 
 
 @pytest.mark.slow
+def test_newell_of_a_polygon_without_area():
+    """Collinear corners: zero, not what rounding leaves, at one."""
+    line = jnp.outer(jnp.array([0.0, 0.3, 0.7, 1.1]), jnp.array([0.3, -0.7, 0.9]))
+    assert not np.any(newell_normal(line))
+    assert np.isfinite(jax.jacrev(newell_normal)(line)).all()
+
+
 @pytest.mark.float64
 def test_derivatives_by_finite_differences():
     faces = jnp.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]])

@@ -138,7 +138,7 @@ def test_normals_alone_are_enough_for_parallel_lights() -> None:
 
 def test_no_object_colour() -> None:
     scene = ds.Scene(lights=ATTENUATED)
-    plain = planes(scene, ds.Material(kd=0.5))
+    plain = planes(scene, ds.Material(kd=(0.5, 0.5, 0.5)))
     coloured = planes(scene, ds.Material(kd=0.5, od=(0.5, 0.4, 0.3)))
     assert total(plain) < total(coloured)
 
