@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
-from fitting.model import Model, coefficient, linear_names, shininess_names
+from fitting.model import Model, coefficient, full_names, linear_names, shininess_names
 
 __all__ = ["Bounds", "Limits", "limits"]
 
@@ -97,14 +97,7 @@ def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bou
     known = (*linear_names(start), *shininess_names(start))
     full: dict[str, tuple[Bound, Bound]] = {}
     for name, pair in bounds.items():
-        parts = name.split(".")
-        short = [n for n in known if len(parts) == 2 and n.split(".")[::2] == parts]
-        matching = [name] if name in known else short
-        if not matching:
-            raise BadInput(
-                f"bounds names {name!r}, which this material lacks: it has {', '.join(known)}"
-            )
-        full |= dict.fromkeys(matching, pair)
+        full |= dict.fromkeys(full_names(name, known, "bounds"), pair)
     return full
 
 

@@ -28,6 +28,7 @@ __all__ = [
     "Model",
     "coefficient",
     "default_material",
+    "full_names",
     "held_names",
     "linear_names",
     "shininess_names",
@@ -157,18 +158,19 @@ def held_names(
         raise BadInput(f"hold is {hold!r}: give a sequence of names, ({hold!r},)")
     constants = CONSTANTS if attenuated else ()
     known = (*linear_names(material), *shininess_names(material), *constants)
-    names = set()
-    for name in hold:
-        lobes = {
-            f"specular.{j}.{name.removeprefix('specular.')}" for j in range(len(material.specular))
-        }
-        matching = {n for n in known if n == name or (name.startswith("specular.") and n in lobes)}
-        if not matching:
-            raise BadInput(
-                f"hold names {name!r}, which this material lacks: it has {', '.join(known)}"
-            )
-        names |= matching
-    return frozenset(names)
+    return frozenset(full for name in hold for full in full_names(name, known, "hold"))
+
+
+def full_names(name: str, known: tuple[str, ...], where: str) -> tuple[str, ...]:
+    """The known names that one stands for: itself, or "specular.ks" for that of every lobe."""
+    parts = name.split(".")
+    of_lobes = tuple(n for n in known if len(parts) == 2 and n.split(".")[::2] == parts)
+    found = (name,) if name in known else of_lobes
+    if not found:
+        raise BadInput(
+            f"{where} names {name!r}, which this material lacks: it has {', '.join(known)}"
+        )
+    return found
 
 
 def coefficient(material: Material, name: str) -> Any:

@@ -267,8 +267,6 @@ def test_files_that_are_missing_or_do_not_match_are_named(folder: Path) -> None:
 
 def test_the_capture_that_ships_is_read() -> None:
     path = Path(diffshade.__file__).parent / "captures" / "glossy_ball"
-    if not path.is_dir():
-        pytest.skip("captures/glossy_ball is not made yet")
     capture = read_capture(path)
     assert len(capture.names) >= 4
     assert capture.fit_attenuation is QuadraticAttenuation
