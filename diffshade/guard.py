@@ -15,7 +15,16 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-__all__ = ["log", "positive", "power", "reciprocal", "reciprocal_sqrt", "sqrt"]
+__all__ = [
+    "log",
+    "log_base",
+    "positive",
+    "power",
+    "power_of_log",
+    "reciprocal",
+    "reciprocal_sqrt",
+    "sqrt",
+]
 
 Plane = Float[Array, "..."]
 
@@ -52,10 +61,20 @@ def power(x: Plane, n: Plane) -> Plane:
     the second derivative, which holds 1/x^2, stays finite; for n >= 1 the result is zero there to
     any working precision. Where the power itself underflows, it and its derivatives are zero.
     """
-    info = jnp.finfo(jnp.result_type(x))
-    dark = x <= float(info.tiny) ** 0.5
-    exponent = n * jnp.log(jnp.where(dark, 1, x))
-    vanishes = dark | (exponent <= np.log(float(info.tiny)))
+    return power_of_log(log_base(x), n)
+
+
+def log_base(x: Plane) -> Plane:
+    """The half of `power` that does not depend on n: log x, and minus infinity where x counts as zero."""
+    dark = x <= float(jnp.finfo(jnp.result_type(x)).tiny) ** 0.5
+    return jnp.where(dark, -jnp.inf, jnp.log(jnp.where(dark, 1, x)))
+
+
+def power_of_log(log_x: Plane, n: Plane) -> Plane:
+    """The other half: x**n from `log_base(x)`."""
+    dark = log_x == -jnp.inf
+    exponent = n * jnp.where(dark, 0, log_x)
+    vanishes = dark | (exponent <= np.log(float(jnp.finfo(jnp.result_type(log_x)).tiny)))
     return jnp.where(vanishes, 0, jnp.exp(jnp.where(vanishes, 0, exponent)))
 
 

@@ -24,8 +24,12 @@ def blinn_phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> 
     the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
     jumps to 0.
     """
-    n_dot_h = dot(n, halfway(l, v))
-    return guard.power(jnp.where(n_dot_l <= 0, 0, n_dot_h), shininess)
+    return guard.power(_cosine(n, l, v, n_dot_l), shininess)
+
+
+def _cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+    """n.h, and 0 where the light is behind the surface."""
+    return jnp.where(n_dot_l <= 0, 0, dot(n, halfway(l, v)))
 
 
 class BlinnPhong(AbstractLobe):
@@ -43,7 +47,9 @@ class BlinnPhong(AbstractLobe):
     shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "blinn_phong"
 
-    def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
-        return tuple(
-            blinn_phong(n, l, v, n_dot_l, exponent) for exponent in channels(self.shininess)
-        )
+    def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+        """log(n.h), minus infinity where the lobe is dark."""
+        return guard.log_base(_cosine(n, l, v, n_dot_l))
+
+    def at(self, angles: Plane) -> tuple[Plane, ...]:
+        return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))

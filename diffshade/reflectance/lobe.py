@@ -19,5 +19,16 @@ class AbstractLobe(eqx.Module):
     ks: eqx.AbstractVar[Float[Array, "..."]]
 
     @abstractmethod
+    def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+        """What s needs of the unit vectors n, l, v: the same for every coefficient of the lobe.
+
+        A search over the coefficients computes it once.
+        """
+
+    @abstractmethod
+    def at(self, angles: Plane) -> tuple[Plane, ...]:
+        """s from `angles`: one plane, or one a channel; 0 where n.l <= 0."""
+
     def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
         """s for unit vectors n, l, v: one plane, or one a channel; 0 where n.l <= 0."""
+        return self.at(self.angles(n, l, v, n_dot_l))

@@ -24,8 +24,12 @@ def phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
     the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
     jumps to 0.
     """
-    r_dot_v = dot(reflect(l, n), v)
-    return guard.power(jnp.where(n_dot_l <= 0, 0, r_dot_v), shininess)
+    return guard.power(_cosine(n, l, v, n_dot_l), shininess)
+
+
+def _cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+    """r.v, and 0 where the light is behind the surface."""
+    return jnp.where(n_dot_l <= 0, 0, dot(reflect(l, n), v))
 
 
 class Phong(AbstractLobe):
@@ -42,5 +46,9 @@ class Phong(AbstractLobe):
     shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "phong"
 
-    def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
-        return tuple(phong(n, l, v, n_dot_l, exponent) for exponent in channels(self.shininess))
+    def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+        """log(r.v), minus infinity where the lobe is dark."""
+        return guard.log_base(_cosine(n, l, v, n_dot_l))
+
+    def at(self, angles: Plane) -> tuple[Plane, ...]:
+        return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))
