@@ -1,13 +1,15 @@
 """The door to fitting: images, surfaces and lights in, a material with its errors out."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+import optimistix as optx
+from jaxtyping import Float
 
 from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
@@ -16,20 +18,44 @@ from diffshade.light.attenuation import AbstractAttenuation, QuadraticAttenuatio
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from diffshade.vector import Vec3, dot, length
-from fitting.gauge import with_attenuation
+from fitting.distances import Distances, lit_distances
 from fitting.identify import Unidentified, unidentified
 from fitting.inputs import Photograph, match, views
 from fitting.limits import Bounds, Limits, limits
 from fitting.model import CONSTANTS, Model, coefficient, default_material, held_names, linear_names
-from fitting.observation import View, group_views
+from fitting.observation import Group, View, group_views, in_precision
 from fitting.project import Problem
-from fitting.recovered import Recovery
-from fitting.residual import ImageResidual, measure
-from fitting.search import search
+from fitting.recovered import Recovery, recover
+from fitting.residual import ImageResidual, evaluation, measure, ratio
+from fitting.search import ALL, APART, Found, search
+from fitting.suspects import SuspectImage, suspects
 from fitting.uncertainty import propagate
+from fitting.weights import Judge, SensorNoise, Tukey, Weighting
 
-__all__ = ["Fit", "fit"]
+__all__ = ["Basin", "Correlations", "Fit", "fit"]
+
+INDISTINGUISHABLE = 10.0
+"""Of the noise's variance: a cost within so much of the best is no worse (likelihood ratio of e^-5)."""
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Another minimum: what was searched there by name, and what it leaves.
+
+    `within_noise` says that the images cannot tell it from the one that was reported.
+    """
+
+    coefficients: Mapping[str, float]
+    relative_residual: float
+    within_noise: bool
+
+
+@dataclass(frozen=True)
+class Correlations:
+    """Of the reported numbers, "kd[0]" for the first channel: a matrix; NaN where one is not told."""
+
+    names: tuple[str, ...]
+    matrix: Float[np.ndarray, "m m"]
 
 
 @dataclass(frozen=True)
@@ -42,7 +68,11 @@ class Fit:
     what was measured first, "reference.l0" to "l2" and k f(d0) as "reference.kd", at the distance
     d0 = `reference_distance`, where 1/f(d) = l0 + l1 d/d0 + l2 (d/d0)^2. Standard errors are
     infinite where the images do not tell; `unidentified` names what is not to be trusted, and why.
-    `noise` is the standard deviation of the residual. `relative_residual` is that of `evaluate`.
+    `intervals` are those of 95 %, lower and upper end; `correlations` those of all numbers.
+    `noise` is the standard deviation of an observation. `relative_residual` is that of `evaluate`;
+    beside it stands the `weighted_residual` of a fit that gave its observations weights. `basins`
+    are other minima, `suspect_images` those that stand out. `gains` are the factors on the lights
+    of each image, where they were asked for.
     """
 
     material: Material
@@ -57,6 +87,12 @@ class Fit:
     converged: bool
     steps: int
     reference_distance: float | None = None
+    intervals: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    correlations: Correlations | None = None
+    basins: tuple[Basin, ...] = ()
+    suspect_images: tuple[SuspectImage, ...] = ()
+    weighted_residual: float | None = None
+    gains: np.ndarray | None = None
 
 
 def fit(
@@ -67,9 +103,13 @@ def fit(
     material: Material | None = None,
     attenuation: type[AbstractAttenuation] | None = None,
     hold: Iterable[str] = (),
-    robust: object = None,
+    robust: str | Tukey | None = None,
     bounds: Bounds | None = None,
     valid: ArrayLike | Sequence[ArrayLike] | None = None,
+    clipped: ArrayLike | Sequence[ArrayLike] | None = None,
+    noise: SensorNoise | None = None,
+    gains: bool = False,
+    solver: optx.AbstractLeastSquaresSolver | None = None,
 ) -> Fit:
     """Recover a material's coefficients from one or many images of known surfaces and lights.
 
@@ -91,6 +131,13 @@ def fit(
       k_d and k_s have no scale of their own, and no upper bound, unless one of them or of the
       constants is held.
     - `valid`: which pixels to use [H, W], one or one an image; by default all of the foreground.
+    - `robust`: "tukey" (or `fitting.Tukey(c)`) takes the weight from outliers, such as shadows.
+    - `clipped`: observations that a sensor clipped, [H, W] or [H, W, C], one or one an image: they
+      say "at least", whatever `valid` says of them. The residual that is reported leaves them out.
+    - `noise`: a `fitting.SensorNoise`, by which brighter observations may count less.
+    - `gains`: whether the lights of each image have an unknown strength beside the scene's; the
+      mean over the images is 1, for their common scale cannot be told from k_d and k_s.
+    - `solver`: any Optimistix least-squares solver in place of our own bounded one, to compare.
 
     Raises `BadInput` for images, G-buffers, scenes and masks that do not fit together, for images
     that are not finite in a used pixel, and for unknown names.
@@ -102,9 +149,8 @@ def fit(
     >>> round(float(fit(image, g, scene).material.specular[0].shininess), 2)
     20.0
     """
-    if robust is not None:
-        raise BadInput(f"robust is {robust!r}: least squares, robust=None, is what there is")
-    photographs = match(images, gbuffer, scenes, valid)
+    weighting = _weighting(robust, noise, clipped)
+    photographs = match(images, gbuffer, scenes, valid, clipped)
     seen = views(photographs)
     start = default_material(p.scene for p in photographs) if material is None else material
     held = held_names(hold, start, attenuated=attenuation is not None)
@@ -113,46 +159,125 @@ def fit(
             f"hold names {min(held - set(CONSTANTS))} and no material is given: its value is what is"
             " kept; give material="
         )
-    distances = None if attenuation is None else _distances(attenuation, seen)
     dtype = seen[0].gbuffer.normal.x.dtype
+    groups, order = group_views(seen)
+    distances = None if attenuation is None else _distances(attenuation, groups)
     constants = _held_law(held, photographs, distances)
-    model = _model(start, held, photographs[0].image.shape[2], distances, constants, dtype)
+    channel_count = photographs[0].image.shape[2]
+    model = _model(start, held, channel_count, distances, constants, dtype)
     limit = limits(model, held, start, bounds or {}, start_given=material is not None)
-    found = search(_problem(model, limit, seen), limit.nodes, *limit.box)
+    squares = np.array([_square(view) for view in seen])
+    problem = _problem(model, limit, groups, float(squares.sum()), dtype, weighting, gains)
+    found = search(problem, *limit.searched(dtype), solver)
 
-    nearest = None if distances is None else jnp.asarray(distances[1], dtype)
-    recovery = Recovery(found.model, jnp.asarray(limit.natural_upper, dtype), nearest)
-    recovered, law = recovery.material(found.at.k, found.u)
-    scenes_out = tuple(
-        p.scene if law is None else with_attenuation(p.scene, law) for p in photographs
-    )
-    relit = [p._replace(scene=s) for p, s in zip(photographs, scenes_out, strict=True)]
-    measured = measure(recovered, relit)
-    observations = sum(int((view.weight > 0).sum()) for view in seen) * model.channel_count
-    known = np.concatenate([limit.held.ravel(), found.model.known])
-    uncertainty = propagate(found.at, found.u, known, observations, recovery.coefficients)
-    values = {n: np.asarray(v) for n, v in recovery.coefficients(found.at.k, found.u).items()}
+    solved = replace(problem.model, dependent=found.dependent)
+    nearest = None if distances is None else jnp.asarray(distances.nearest, dtype)
+    recovery = Recovery(solved, jnp.asarray(limit.natural_upper, dtype), nearest)
+    recovered, law, coefficients = recover(recovery, found.at.k, found.u)
+    gain = None if found.gains is None else np.asarray(found.gains, float)[np.argsort(order)]
+    lit = [p.scene if law is None else _relit(p.scene, law) for p in photographs]
+    if gain is not None:
+        lit = [_brighter(scene, g) for scene, g in zip(lit, gain, strict=True)]
+    values = {name: np.asarray(value) for name, value in coefficients.items()}
     free = {n: v for n, v in values.items() if n not in held}
-    brightest = max(float(np.max(view.observed, initial=0.0)) for view in seen)
+    observations = sum(int((view.weight > 0).sum()) for view in seen) * channel_count
+    known = np.concatenate([limit.held.ravel(), solved.known])
+    scale = None if found.judge is None or weighting.robust is None else float(found.judge.scale)
+    uncertainty = propagate(
+        found.at,
+        found.u,
+        known,
+        observations,
+        recovery.coefficients,
+        bounds=limit.edges,
+        noise=scale,
+    )
+    left = np.maximum(np.asarray(found.at.image_cost), 0).astype(float)[np.argsort(order)]
+    if weighting is None:
+        measured = evaluation(photographs, left, squares)
+    else:  # whatever weights it had, the figure is that of all unclipped pixels
+        relit = [p._replace(scene=s) for p, s in zip(photographs, lit, strict=True)]
+        measured = measure(recovered, relit)
     return Fit(
         material=recovered,
-        scene=scenes_out[0] if isinstance(scenes, Scene) else scenes_out,
+        scene=lit[0] if isinstance(scenes, Scene) and gain is None else tuple(lit),
         coefficients=values,
         standard_errors={n: e for n, e in uncertainty.standard_errors.items() if n in free},
         unidentified=unidentified(
             free,
             uncertainty,
-            brightest,
+            max(float(np.max(view.observed, initial=0.0)) for view in seen),
             scaled=law is not None and not model.scaled,
-            clamped=recovery.exceeds_one(found.u),
+            clamped=recovery.exceeds_one(np.asarray(found.u)),
         ),
         relative_residual=measured.relative_residual,
         fraction_excluded=measured.fraction_excluded,
         per_image=measured.per_image,
         noise=uncertainty.noise,
-        converged=found.converged,
-        steps=found.steps,
-        reference_distance=None if distances is None else distances[0],
+        converged=bool(found.converged),
+        steps=int(found.steps),
+        reference_distance=None if distances is None else distances.reference,
+        intervals={n: i for n, i in uncertainty.intervals.items() if n in free},
+        correlations=Correlations(uncertainty.numbers, uncertainty.correlations),
+        basins=_basins(found, solved, float(squares.sum()), uncertainty.noise),
+        suspect_images=suspects(measured.per_image),
+        weighted_residual=None if weighting is None else ratio(left.sum(), squares.sum()),
+        gains=gain,
+    )
+
+
+def _weighting(
+    robust: str | Tukey | None, noise: SensorNoise | None, clipped: object
+) -> Weighting | None:
+    """What was asked for about noise; None where least squares is all."""
+    if isinstance(robust, str):
+        if robust != "tukey":
+            raise BadInput(f'robust is {robust!r}: give "tukey", a fitting.Tukey, or None')
+        robust = Tukey()
+    if robust is None and noise is None and clipped is None:
+        return None
+    return Weighting(robust, noise)
+
+
+def _basins(found: Found, model: Model, square: float, noise: float) -> tuple[Basin, ...]:
+    """The other minima that were followed to their end."""
+    u, costs = np.asarray(found.basins, float), np.asarray(found.costs, float)
+    best = np.asarray(found.u, float)
+    apart = np.abs(u - best).max(axis=-1, initial=0) > APART
+    others = np.flatnonzero(np.isfinite(costs) & apart)
+    return tuple(
+        Basin(
+            model.named(u[k]),
+            ratio(max(costs[k], 0.0), square),
+            bool(costs[k] - float(found.at.cost) <= INDISTINGUISHABLE * noise**2),
+        )
+        for k in others[np.argsort(costs[others])]
+    )
+
+
+def _brighter(scene: Scene, gain: float) -> Scene:
+    """The scene with the intensity of its lights times a gain."""
+    lights = tuple(
+        eqx.tree_at(
+            lambda x: x.intensity, light, light.intensity * light.intensity.dtype.type(gain)
+        )
+        for light in scene.lights
+    )
+    return Scene(scene.ambient, lights)
+
+
+def _square(view: View) -> float:
+    """|observed|^2 over the used pixels."""
+    return float(np.einsum("pc,pc,p->", view.observed, view.observed, view.weight, dtype=float))
+
+
+def _relit(scene: Scene, law: QuadraticAttenuation) -> Scene:
+    """The scene with an attenuation that is known to be valid: nothing is checked or converted."""
+    return eqx.tree_at(
+        lambda s: [x.attenuation for x in s.lights if isinstance(x, PointLight)],
+        scene,
+        [law for light in scene.lights if isinstance(light, PointLight)],
+        is_leaf=lambda x: x is None,
     )
 
 
@@ -160,7 +285,7 @@ def _model(
     start: Material,
     held: frozenset[str],
     channel_count: int,
-    distances: tuple[float, float] | None,
+    distances: Distances | None,
     held_law: tuple[float | None, ...],
     dtype: jnp.dtype,
 ) -> Model:
@@ -175,7 +300,7 @@ def _model(
         material=start,
         searched=searched,
         channel_count=channel_count,
-        distance=None if distances is None else jnp.asarray(distances[0], dtype),
+        distance=None if distances is None else jnp.asarray(distances.reference, dtype),
         scaled=distances is not None
         and (bool(held & set(linear_names(start)) - {"ka"}) or any(held_law)),
         held_law=held_law,
@@ -183,7 +308,7 @@ def _model(
 
 
 def _held_law(
-    held: frozenset[str], photographs: Sequence[Photograph], distances: tuple[float, float] | None
+    held: frozenset[str], photographs: Sequence[Photograph], distances: Distances | None
 ) -> tuple[float | None, ...]:
     """l0, l1, l2 of the constants that are held, at the value that the scene's lights give them."""
     if distances is None or not held & set(CONSTANTS):
@@ -201,57 +326,46 @@ def _held_law(
         )
     constants = (laws[0].c0, laws[0].c1, laws[0].c2)
     return tuple(
-        float(value) * distances[0] ** power if name in held else None
+        float(value) * distances.reference**power if name in held else None
         for power, (name, value) in enumerate(zip(CONSTANTS, constants, strict=True))
     )
 
 
-def _distances(attenuation: type[AbstractAttenuation], seen: Sequence[View]) -> tuple[float, float]:
-    """The geometric mean distance between lights and the points they light, and the least."""
+def _distances(attenuation: type[AbstractAttenuation], groups: Sequence[Group]) -> Distances:
+    """How far the lit points lie from the lights whose attenuation is asked for."""
     if attenuation is not QuadraticAttenuation:
         raise BadInput(
             f"attenuation is {attenuation!r}: give the type ds.QuadraticAttenuation to fit its"
             " constants, or None to take the scene's as known"
         )
-    logarithms, nearest = [], np.inf
-    for view in seen:
-        normal, position = view.gbuffer.normal, view.gbuffer.position
-        lights = [light for light in view.scene.lights if isinstance(light, PointLight)]
-        if lights and position is None:
+    for group in groups:
+        points = any(isinstance(light, PointLight) for light in group.scenes.lights)
+        if points and group.blocks.position is None:
             raise BadInput(
                 "an attenuation is asked for, and the G-buffer has normals only, no positions"
             )
-        for light in lights:
-            distance, facing = (np.asarray(x) for x in _towards(light, normal, position))
-            lit = (facing > 0) & (distance > 0)
-            if view.gbuffer.spread is None:  # else points are not pixels, and have no weight
-                lit = lit & (view.weight > 0)
-            if lit.any():
-                logarithms.append(np.log(distance[lit]))
-                nearest = min(nearest, float(distance[lit].min()))
-    if not logarithms:
+    distances = lit_distances(groups)
+    if distances is None:
         raise BadInput("an attenuation is asked for, and no point light lights a used pixel")
-    return float(np.exp(np.mean(np.concatenate(logarithms)))), nearest
+    return distances
 
 
-@jax.jit
-def _towards(light: PointLight, normal: Vec3, position: Vec3) -> tuple[Array, Array]:
-    to_light = Vec3.from_array(light.position) - position
-    return length(to_light), dot(normal, to_light)
-
-
-def _problem(model: Model, limit: Limits, seen: Sequence[View]) -> Problem:
-    dtype = seen[0].gbuffer.normal.x.dtype
-    squares = sum(float(np.sum(view.weight * view.observed**2)) for view in seen)
-    problem = Problem(
-        model=model,
-        groups=group_views(seen),
-        lower=jnp.asarray(limit.lower, dtype),
-        upper=jnp.asarray(limit.upper, dtype),
-        norm=jnp.asarray(squares**0.5 or 1.0, dtype),
-        block_share=jnp.ones((), dtype),
-    )
-    # One precision throughout, that of the surface, whatever images and lights came in.
-    return jax.tree.map(
-        lambda x: x.astype(dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, problem
-    )
+def _problem(
+    model: Model,
+    limit: Limits,
+    groups: tuple[Group, ...],
+    square: float,
+    dtype: np.dtype,
+    weighting: Weighting | None,
+    gains: bool,
+) -> Problem:
+    edges = limit.lower, limit.upper, np.clip(0.0, limit.lower, limit.upper)
+    numbers = np.asarray(square**0.5 or 1.0), np.int32(ALL)
+    put = jax.device_put(in_precision((model, *edges, *numbers), dtype))
+    model, lower, upper, reference, norm, blocks = put
+    judge = None
+    if weighting is not None:
+        zero = jnp.zeros((), dtype)
+        judge = Judge(weighting, jnp.zeros(model.size, dtype), reference, zero, zero)
+    ones = jnp.ones(sum(len(group.weight) for group in groups), dtype) if gains else None
+    return Problem(model, groups, lower, upper, reference, norm, blocks, judge, ones)

@@ -1,10 +1,19 @@
-"""What the images cannot tell, in words, and what to do about it."""
+"""What the images cannot tell, in words, and what to do about it.
+
+A coefficient is identified when its Cramer-Rao error, for noise of a thousandth of the images' maximum
+or the noise found if that is more, is under a tenth of its size. Those that are not are grouped by the
+directions in which they move together: the null directions of the information matrix, and the axes
+of the covariance that are too long. Made sparse, each is given its name by `fitting.degeneracies`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from fitting.degeneracies import SEEN_NOTHING, Move, Seen, say, scale_sentence
+from fitting.null_space import sparse_basis
 from fitting.uncertainty import Uncertainty
 
 __all__ = ["Unidentified", "unidentified"]
@@ -12,7 +21,22 @@ __all__ = ["Unidentified", "unidentified"]
 NOISE = 1e-3
 """Of the images' maximum: the noise under which a coefficient must be known ..."""
 TOLERANCE = 0.10
-"""... to this share of its value, to count as identified."""
+"""... to this share of its size, to count as identified."""
+LEAST_SHARE = 0.01
+"""The least size of a linear coefficient, as a share of the largest: one that is 0 is known by this."""
+EVEN = 1 / 3
+"""The least size of c0, c1 d and c2 d^2, as a share of their sum."""
+CONSTANTS = ("attenuation.c0", "attenuation.c1", "attenuation.c2")
+SLIGHT = 0.2
+"""What moves by less than this share of what moves most is not named as part of a weak direction."""
+CLAMPED = (
+    "f is clamped at 1 at every lit point, which tells only that c0 + c1 d + c2 d^2 <= 1 there: move"
+    " the lights away, or hold the constants"
+)
+EXCEEDS = (
+    "they make f exceed 1 at the nearest points, where LIGHT-12 clamps it and the fit does not: leave"
+    " those points out by `valid`, or do not hold what sets the scale"
+)
 
 
 @dataclass(frozen=True)
@@ -28,85 +52,183 @@ def unidentified(
     uncertainty: Uncertainty,
     brightest: float,
     *,
-    scaled: bool,
-    clamped: bool,
+    scaled: bool = False,
+    clamped: bool = False,
+    seen: Seen = SEEN_NOTHING,
 ) -> tuple[Unidentified, ...]:
-    """Judge every reported coefficient by its Cramer-Rao error for noise of a thousandth of the maximum.
+    """Judge every coefficient in `values`, those that are not held.
 
-    `scaled` says that attenuation constants were fitted, whose scale no image can tell from k_d and
-    k_s; `clamped`, that they make f exceed 1 somewhere. A coefficient that is zero, beside others
-    that are not, is known by its absolute error.
+    `brightest` is the images' maximum. `scaled` says that attenuation constants were fitted, and that
+    nothing held sets the scale that they share with k_d and k_s; then those at the reference distance
+    are judged. `clamped` says that a law whose scale is known exceeds 1 where the fit does not clamp
+    it. `seen` helps to say why.
     """
-    found = [_blind(names, values) for names in uncertainty.blind]
-    told = {name for item in found for name in item.coefficients}
-    noise = max(NOISE * brightest, uncertainty.noise)
-    largest = max((float(np.max(np.abs(v))) for n, v in values.items() if _linear(n)), default=0.0)
-    for name, value in values.items():
-        # Of a fitted attenuation, what was measured at the reference distance is judged.
-        if name in told or name.startswith("attenuation.") or (scaled and _scaled(name)):
-            continue
-        share = name in ("reference.l0", "reference.l1", "reference.l2")
-        reference = np.ones_like(value) if share else np.abs(value)
-        if _linear(name):
-            reference = np.maximum(reference, 0.01 * largest)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative = noise * uncertainty.unit_errors[name] / reference
-        worst = float(np.max(np.where(np.isnan(relative), np.inf, relative), initial=0.0))
-        if worst > TOLERANCE:
-            found.append(Unidentified((name,), _vague(name, worst, values)))
+    # A clamp that is seen to act at some points and not at others sets the scale; at all, tells no c.
+    scaled = scaled and seen.clamped == 0
+    judged = [name for name in values if _is_judged(name, values, scaled)]
+    if seen.clamped >= 1:
+        judged = [name for name in judged if name not in CONSTANTS]
+    found = _vague(judged, values, uncertainty, max(NOISE * brightest, uncertainty.noise), seen)
+    laws = tuple(name for name in values if name in CONSTANTS)
+    if seen.clamped >= 1 and laws:
+        found.append(Unidentified(laws, CLAMPED))
     if clamped:
-        found.append(
-            Unidentified(
-                tuple(n for n in values if n.startswith("attenuation.c")),
-                "they make f exceed 1 at the nearest points, where LIGHT-12 clamps it and the fit"
-                " does not: leave those points out by `valid`, or do not hold what sets the scale",
-            )
-        )
+        found.append(Unidentified(laws, EXCEEDS))
     if scaled:
-        names = tuple(n for n in values if n.startswith("attenuation.c") or _scaled(n))
-        found.append(
-            Unidentified(
-                names,
-                "these share one scale, which no image can tell: it is set by c0 = 1 where that can"
-                " be; their ratios, and kd and ks at the reference distance, are what was measured",
-            )
-        )
+        plain = tuple(n for n in values if _is_linear(n) and n != "ka" and "reference" not in n)
+        found.append(Unidentified((*plain, *laws), scale_sentence((*plain, *laws))))
     return tuple(found)
 
 
-def _blind(names: tuple[str, ...], values: Mapping[str, np.ndarray]) -> Unidentified:
-    for name in names:
-        lobe, _, field = name.rpartition(".")
-        if field == "shininess" and np.all(values.get(f"{lobe}.ks", 1) == 0):
-            return Unidentified(
-                (name,),
-                f"{lobe}.ks is 0, and a highlight that is not seen has no width: leave the lobe out,"
-                " or hold the shininess",
-            )
-    if len(names) == 1:
-        return Unidentified(
-            names, "no pixel depends on it: leave it out, hold it, or add images that show it"
+def _vague(
+    judged: list[str],
+    values: Mapping[str, np.ndarray],
+    uncertainty: Uncertainty,
+    noise: float,
+    seen: Seen,
+) -> list[Unidentified]:
+    """Those that are known to less than the tolerance, in groups."""
+    sizes = _sizes(judged, values, uncertainty.values, seen)
+    relative = {}
+    for name in judged:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = noise * uncertainty.unit_errors[name] / sizes[name]
+        relative[name] = np.where(np.isnan(error), np.inf, error)
+    vague = {n: float(e.max()) for n, e in relative.items() if e.size and e.max() > TOLERANCE}
+    if not vague:
+        return []
+
+    sentences: dict[str, list[str]] = {}
+    rest = dict.fromkeys(vague)
+    told: list[tuple[Steps, str]] = []
+    for direction in _directions(judged, sizes, uncertainty, noise):
+        share = {name: float(np.abs(direction.shares[name]).max()) for name in vague}
+        moving = {n: direction.steps[n] for n in vague if share[n] > direction.least}
+        if moving:
+            reason = say(_move(moving, vague, uncertainty.values, seen))
+            sentences.setdefault(reason, []).extend(moving)
+            told.append((direction.shares, reason))
+            rest = {name: None for name in rest if name not in moving}
+    for name in rest:
+        # One that has a slight part in some is named with the direction in which it has the most.
+        most, reason = max(((np.abs(s[name]).max(), r) for s, r in told), default=(0.0, ""))
+        if most == 0:
+            reason = say(_move({name: sizes[name]}, vague, uncertainty.values, seen))
+        sentences.setdefault(reason, []).append(name)
+    order = list(values)
+    return [
+        Unidentified(
+            tuple(sorted({*names, *_constants_of(names, values)}, key=order.index)), reason
         )
-    return Unidentified(
-        names, f"the images show only a combination of them: hold {' or '.join(names[:3])}"
-    )
+        for reason, names in sentences.items()
+    ]
 
 
-def _vague(name: str, relative: float, values: Mapping[str, np.ndarray]) -> str:
-    error = f"{100 * relative:.0f} %" if relative < 10 else "more than its value"
-    remedy = "add images or lights, or hold it"
-    lobe, _, field = name.rpartition(".")
-    if field == "shininess" and np.all(values.get(f"{lobe}.ks", 1) == 0):
-        remedy = "no highlight is seen: leave the lobe out, or hold it"
-    return (
-        f"its standard error is {error} for noise of a thousandth of the images' maximum, or for"
-        f" the noise found: {remedy}"
-    )
+Steps = dict[str, np.ndarray]
 
 
-def _linear(name: str) -> bool:
+class Direction(NamedTuple):
+    """Steps of the judged coefficients that go together, by name.
+
+    `shares` are the same in units of what each would change in the images, the largest 1: a share over
+    `least` is part of the direction.
+    """
+
+    steps: Steps
+    shares: Steps
+    least: float
+
+
+def _directions(
+    judged: list[str], sizes: Mapping[str, np.ndarray], uncertainty: Uncertainty, noise: float
+) -> list[Direction]:
+    """In which the judged coefficients can move: first without, then with little change of the images."""
+    parts = np.cumsum([value.size for value in uncertainty.values.values()])
+    place = dict(zip(uncertainty.values, np.split(np.arange(parts[-1]), parts[:-1]), strict=True))
+    at = np.concatenate([place[name] for name in judged])
+    order = np.concatenate([np.full(sizes[name].size, _rank(name), float) for name in judged])
+    size = np.concatenate([sizes[name].ravel() for name in judged])
+    size = np.where(size > 0, size, 1.0)[:, None]
+    reach = uncertainty.reach[at, None]
+    reach = np.where(reach > 0, reach, 1.0)
+
+    axes, lengths, _ = np.linalg.svd(noise * uncertainty.unit_root[at] / size, full_matrices=False)
+    blind = uncertainty.blind[at] / reach
+    blind = sparse_basis(blind[:, np.abs(blind).max(axis=0, initial=0) > 0], order)
+    weak = sparse_basis(axes[:, lengths > TOLERANCE] * size / reach, order, beside=blind)
+
+    ends = np.cumsum([sizes[name].size for name in judged])[:-1]
+
+    def by_name(vector: np.ndarray) -> Steps:
+        split = zip(judged, np.split(vector, ends), strict=True)
+        return {name: part.reshape(sizes[name].shape) for name, part in split}
+
+    return [
+        Direction(by_name(vector * reach[:, 0]), by_name(vector), least)
+        for vectors, least in ((blind, 0.0), (weak, SLIGHT))
+        for vector in vectors.T
+    ]
+
+
+def _move(
+    steps: Mapping[str, np.ndarray],
+    errors: Mapping[str, float],
+    values: Mapping[str, np.ndarray],
+    seen: Seen,
+) -> Move:
+    """With k_d and k_s at the reference distance under the names that they have without one."""
+    relative = {
+        _plain(name): np.asarray(step / np.where(values[name] == 0, np.nan, values[name]))
+        for name, step in steps.items()
+    }
+    return Move(relative, {_plain(name): errors[name] for name in steps}, values, seen)
+
+
+def _sizes(
+    judged: list[str],
+    values: Mapping[str, np.ndarray],
+    everything: Mapping[str, np.ndarray],
+    seen: Seen,
+) -> dict[str, np.ndarray]:
+    """What an error is compared with: the value, but no less than matters beside the others."""
+    sizes = {name: np.abs(np.asarray(values[name], np.float64)) for name in judged}
+    largest = max((sizes[n].max(initial=0.0) for n in judged if _is_linear(n)), default=0.0)
+    for name in judged:
+        if _is_linear(name):
+            sizes[name] = np.maximum(sizes[name], LEAST_SHARE * largest)
+        elif name.startswith("reference.l"):
+            sizes[name] = np.maximum(sizes[name], EVEN)
+        elif name in CONSTANTS and seen.nearest is not None and seen.farthest is not None:
+            d = np.sqrt(seen.nearest * seen.farthest)
+            total = sum(float(everything[c]) * d**k for k, c in enumerate(CONSTANTS))
+            sizes[name] = np.maximum(sizes[name], EVEN * total / d ** CONSTANTS.index(name))
+    return {name: np.asarray(size) for name, size in sizes.items()}
+
+
+def _is_judged(name: str, values: Mapping[str, np.ndarray], scaled: bool) -> bool:
+    """Of k_d, k_s and the constants either those at the reference distance, or the plain ones."""
+    if "reference." in name:
+        return scaled
+    if name in CONSTANTS:
+        return not scaled
+    return not (scaled and f"reference.{name}" in values)
+
+
+def _rank(name: str) -> int:
+    """The order in which names are made pivots, so that scales come apart: gains, constants, others."""
+    ranks = (name.startswith("gain."), name in CONSTANTS or name.startswith("reference.l"))
+    return 0 if ranks[0] else 1 if ranks[1] else 2 if name == "ambient" else 3
+
+
+def _constants_of(names: list[str], values: Mapping[str, np.ndarray]) -> list[str]:
+    """c1 beside l1: what is not known at the reference distance is not known elsewhere."""
+    constants = [n.replace("reference.l", "attenuation.c") for n in names if "reference.l" in n]
+    return [name for name in constants if name in values]
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("reference.") if _is_linear(name) else name
+
+
+def _is_linear(name: str) -> bool:
     return name.removeprefix("reference.") in ("ka", "kd") or name.endswith(".ks")
-
-
-def _scaled(name: str) -> bool:
-    return not name.startswith("reference.") and name != "ka" and _linear(name)

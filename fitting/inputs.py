@@ -22,6 +22,12 @@ class Photograph(NamedTuple):
     gbuffer: GBuffer
     scene: Scene
     valid: Bool[np.ndarray, "H W"]
+    clipped: Bool[np.ndarray, "H W C"] | None = None
+
+    @property
+    def unclipped(self) -> Bool[np.ndarray, "H W"]:
+        """The used pixels whose value is what was there, in every channel."""
+        return self.valid if self.clipped is None else self.valid & ~self.clipped.any(-1)
 
 
 def match(
@@ -29,26 +35,18 @@ def match(
     gbuffer: GBuffer | Sequence[GBuffer],
     scenes: Scene | Sequence[Scene],
     valid: ArrayLike | Sequence[ArrayLike] | None,
+    clipped: ArrayLike | Sequence[ArrayLike] | None = None,
 ) -> list[Photograph]:
     """One photograph for every image; what is given once serves all."""
     pictures = _images(images)
     count = len(pictures)
     surfaces = _one_each(gbuffer, GBuffer, count, "G-buffers")
     lights = _one_each(scenes, Scene, count, "scenes")
-    masks: list[Any]
-    if valid is None:
-        masks = [None] * count
-    elif getattr(valid, "ndim", None) == 2:
-        masks = [valid] * count
-    else:
-        masks = list(valid)  # type: ignore[arg-type]
-        if len(masks) != count:
-            raise BadInput(
-                f"{len(masks)} valid masks for {count} images: give one, or one an image"
-            )
+    masks = _masks(valid, count, "valid masks", (2,))
+    limits = _masks(clipped, count, "masks of clipped pixels", (2, 3))
     photographs = [
         _photograph(k, *each)
-        for k, each in enumerate(zip(pictures, surfaces, lights, masks, strict=True))
+        for k, each in enumerate(zip(pictures, surfaces, lights, masks, limits, strict=True))
     ]
     if len(channels := {p.image.shape[2] for p in photographs}) > 1:
         raise BadInput(f"the images have {sorted(channels)} channels: give all the same number")
@@ -59,10 +57,14 @@ def match(
 
 def views(photographs: Sequence[Photograph]) -> list[View]:
     """The foreground of the photographs, as planes."""
-    return [
-        View(p.gbuffer, p.scene, p.image[p.gbuffer.mask].T, p.valid[p.gbuffer.mask].astype(float))
-        for p in photographs
-    ]
+    return [_view(photograph) for photograph in photographs]
+
+
+def _view(photograph: Photograph) -> View:
+    image, gbuffer, scene, valid, clipped = photograph
+    inside = gbuffer.mask
+    weight = valid[inside].astype(image.dtype)
+    return View(gbuffer, scene, image[inside], weight, None if clipped is None else clipped[inside])
 
 
 def _images(images: Any) -> list[np.ndarray]:
@@ -90,8 +92,20 @@ def _one_each(given: Any, kind: type, count: int, what: str) -> list[Any]:
     return several
 
 
+def _masks(given: Any, count: int, what: str, dimensions: tuple[int, ...]) -> list[Any]:
+    """One an image, from one for all, one an image, or none."""
+    if given is None:
+        return [None] * count
+    if getattr(given, "ndim", None) in dimensions and (count == 1 or given.ndim == 2):
+        return [given] * count
+    several = list(given)
+    if len(several) != count:
+        raise BadInput(f"{len(several)} {what} for {count} images: give one, or one an image")
+    return several
+
+
 def _photograph(
-    k: int, image: np.ndarray, gbuffer: GBuffer, scene: Scene, valid: Any
+    k: int, image: np.ndarray, gbuffer: GBuffer, scene: Scene, valid: Any, clipped: Any
 ) -> Photograph:
     if image.shape[:2] != gbuffer.shape:
         raise BadInput(
@@ -106,8 +120,19 @@ def _photograph(
                 f" {gbuffer.shape}: sizes must match"
             )
         inside = inside & mask
+    limits = None
+    if clipped is not None:
+        limits = np.asarray(clipped, bool)
+        if limits.shape not in (image.shape, image.shape[:2]):
+            raise BadInput(
+                f"the mask of clipped pixels of image {k} has shape {limits.shape}, the image"
+                f" {image.shape}: give [H, W] or [H, W, C]"
+            )
+        limits = np.broadcast_to(limits.reshape(*limits.shape[:2], -1), image.shape)
+        limits = limits & gbuffer.mask[..., None]
+        inside = inside | limits.any(-1)
     if not np.isfinite(image[inside]).all():
         raise BadInput(
             f"image {k} holds NaN or infinity in a used pixel: leave those out by `valid`"
         )
-    return Photograph(np.where(inside[..., None], image, 0), gbuffer, scene, inside)
+    return Photograph(np.where(inside[..., None], image, 0), gbuffer, scene, inside, limits)

@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
+import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
 from fitting.model import Model, coefficient, full_names, linear_names, shininess_names
 
-__all__ = ["Bounds", "Limits", "limits"]
+__all__ = ["Bounds", "Grid", "Limits", "limits"]
 
 Bound = float | int | None
 Bounds = Mapping[str, tuple[Bound, Bound]]
@@ -20,10 +23,17 @@ REFLECTED = (0.0, 1.0)
 SHININESS = (0.1, 1e5)
 
 SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
-# The triangle of attenuations (l0, l1, l2): its corners, the thirds of its edges, its middle.
-ATTENUATION_NODES = np.array([(i, j, 3 - i - j) for i in range(4) for j in range(4 - i)]) / 3
+# The triangle of attenuations, thirds of (l0, l1, l2): its corners, its edges, its middle.
+ATTENUATION_STEPS = tuple((i, j, 3 - i - j) for i in range(4) for j in range(4 - i))
 GAIN_NODES = np.geomspace(1e-3, 1e2, 6)
 """Of f at the reference distance, where the scale is known."""
+
+
+class Grid(NamedTuple):
+    """Nodes over u, and which of them are next to each other."""
+
+    nodes: Float[np.ndarray, "N q"] | Float[Array, "N q"]
+    adjacent: Bool[np.ndarray, "N N"] | Bool[Array, "N N"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +49,20 @@ class Limits:
     natural_upper: Float[np.ndarray, "C p"]
     held: Bool[np.ndarray, "C p"]
     box: tuple[Float[np.ndarray, "q"], Float[np.ndarray, "q"]]
-    nodes: Float[np.ndarray, "N q"]
+    grid: Grid
+
+    @property
+    def edges(self) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Lower and upper bounds of k, channel after channel, and then of u."""
+        lower, upper = self.box
+        return np.append(self.lower, lower), np.append(self.upper, upper)
+
+    def searched(self, dtype: np.dtype) -> tuple[Grid, tuple[Array, Array]]:
+        """The grid and the box, on the device."""
+        nodes = np.clip(self.grid.nodes, *self.box).astype(dtype)
+        box = tuple(np.asarray(edge, dtype) for edge in self.box)
+        nodes, adjacent, box = jax.device_put((nodes, self.grid.adjacent, box))
+        return Grid(nodes, adjacent), box
 
 
 def limits(
@@ -67,10 +90,14 @@ def limits(
     if model.distance is not None:
         edges += [(0.0, np.inf) if held is None else (held, held) for held in model.held_law]
     box = np.array(edges, float).reshape(-1, 2).T
-    nodes = _grid(model)
+    grid = _grid(len(model.searched), model.distance is not None, model.scaled)
     if start_given:
-        nodes = np.concatenate([_start(model, start)[None], nodes])
-    return Limits(lower, upper, natural, is_held, (box[0], box[1]), nodes)
+        # Where the start is the lowest of all it is a basin of its own.
+        nodes = np.concatenate([grid.nodes, _start(model, start)[None]])
+        adjacent = np.pad(grid.adjacent, (0, 1))
+        adjacent[-1] = True
+        grid = Grid(nodes, adjacent)
+    return Limits(lower, upper, natural, is_held, (box[0], box[1]), grid)
 
 
 def _column(
@@ -101,16 +128,28 @@ def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bou
     return full
 
 
-def _grid(model: Model) -> np.ndarray:
+@cache
+def _grid(lobe_count: int, attenuated: bool, scaled: bool) -> Grid:
     """Coarse nodes over u; of two lobes the first is the sharper."""
-    nodes: list[tuple[float, ...]] = [()]
-    for _ in model.searched:
-        nodes = [(*u, n) for u in nodes for n in SHININESS_NODES if not u or n < u[-1]]
-    if model.distance is not None:
-        gains = GAIN_NODES if model.scaled else np.ones(1)
-        laws = (ATTENUATION_NODES / gains[:, None, None]).reshape(-1, 3)
-        nodes = [(*u, *law) for u in nodes for law in laws]
-    return np.array(nodes, float).reshape(len(nodes), model.size)
+    # What is varied, by its number on the axis: adjacent nodes differ by one at the most.
+    steps: list[tuple[int, ...]] = [()]
+    for _ in range(lobe_count):
+        axis = range(len(SHININESS_NODES))
+        steps = [(*node, n) for node in steps for n in axis if not node or n < node[-1]]
+    values = [tuple(SHININESS_NODES[n] for n in node) for node in steps]
+    if attenuated:
+        gains = GAIN_NODES if scaled else np.ones(1)
+        laws = [
+            ((*law, g), tuple(np.array(law) / 3 / gain))
+            for g, gain in enumerate(gains)
+            for law in ATTENUATION_STEPS
+        ]
+        values = [(*node, *law) for node in values for _, law in laws]
+        steps = [(*node, *number) for node in steps for number, _ in laws]
+    count = len(steps)
+    at = np.array(steps, int).reshape(count, -1)
+    adjacent = (np.abs(at[:, None] - at[None]) <= 1).all(-1)
+    return Grid(np.array(values, float).reshape(count, -1), adjacent)
 
 
 def _start(model: Model, start: Material) -> np.ndarray:

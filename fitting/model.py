@@ -7,6 +7,7 @@ a method: holding and scales live here, never in the material.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -14,14 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from diffshade.channels import Channels, per_channel
+from diffshade.channels import Channels, per_channel, times
 from diffshade.errors import BadInput
-from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
 from diffshade.shading.basis import basis
 from fitting.gauge import ReferenceAttenuation, with_attenuation
+from fitting.stream import Block
 
 __all__ = [
     "CONSTANTS",
@@ -68,8 +69,55 @@ class Model(eqx.Module):
 
     @property
     def known(self) -> Bool[np.ndarray, "q"]:
-        """Which of the unknowns are held, or depend on the others."""
+        """Which of the unknowns are held, or depend on the others; of a model that is not traced."""
         return self.held if self.dependent is None else self.held | np.asarray(self.dependent)
+
+    @property
+    def moves(self) -> tuple[tuple[int, int], ...]:
+        """Pairs (direction, column): what each of the `directions` changes of the columns."""
+        lobes, count = len(self.material.specular), len(self.searched)
+        plain = self.column_count - lobes
+        return (
+            *((i, plain + j) for i, j in enumerate(self.searched)),
+            *((i, c) for i in range(count, self.direction_count) for c in np.flatnonzero(self.lit)),
+        )
+
+    @property
+    def lit(self) -> tuple[bool, ...]:
+        """Which columns are of the lights, and not of the ambient light."""
+        return tuple(name != "ka" for name in linear_names(self.material))
+
+    @property
+    def column_count(self) -> int:
+        """How many linear coefficients there are."""
+        return len(linear_names(self.material))
+
+    @property
+    def direction_count(self) -> int:
+        """How many of the unknowns move freely."""
+        return self.size - int(self.held.sum()) - int(self.dependent is not None)
+
+    @property
+    def slots(self) -> Float[Array, "m q"]:
+        """Which unknown each direction is of: rows of the identity."""
+        unknown = np.flatnonzero(~self.held)
+        rows = jnp.eye(self.size)[unknown]
+        if self.dependent is None:
+            return rows
+        # Of the free l's, those that follow the dependent one, round about.
+        first, laws = len(self.searched), unknown[unknown >= len(self.searched)]
+        at = jnp.argmax(self.dependent[laws])
+        order = (at + 1 + jnp.arange(len(laws) - 1)) % len(laws)
+        return jnp.concatenate([rows[:first], rows[first:][order]])
+
+    @property
+    def directions(self) -> Float[Array, "m q"]:
+        """The directions in which u moves: an unknown each, and what depends on it."""
+        slots = self.slots
+        if self.dependent is None:
+            return slots
+        of_law = jnp.arange(self.direction_count) >= len(self.searched)
+        return slots - jnp.outer(of_law, self.dependent).astype(slots.dtype)
 
     def unpack(self, u: Float[Array, "q"]) -> tuple[Material, ReferenceAttenuation | None]:
         """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
@@ -88,34 +136,51 @@ class Model(eqx.Module):
         others = jnp.sum(jnp.where(self.dependent, 0, u)[len(self.searched) :])
         return jnp.where(self.dependent, 1 - others, u)
 
-    def depending_on(self, u: Float[np.ndarray, "q"]) -> "Model":
+    def depending_on(self, u: Float[Array, "q"]) -> "Model":
         """The model whose dependent entry is the largest l of u, where the scale is free."""
         if self.distance is None or self.scaled:
             return self
-        largest = len(self.searched) + int(np.argmax(u[len(self.searched) :]))
-        dependent = jnp.asarray(np.arange(self.size) == largest)
-        return replace(self, dependent=dependent)
+        laws = jnp.where(self.held[len(self.searched) :], -1, u[len(self.searched) :])
+        largest = len(self.searched) + jnp.argmax(laws)
+        return replace(self, dependent=jnp.arange(self.size) == largest)
 
     def columns(
-        self, u: Float[Array, "q"], gbuffer: GBuffer, scene: Scene
-    ) -> Float[Array, "C p P"]:
-        """What each linear coefficient adds to each channel's image: the basis, as a matrix."""
+        self, u: Float[Array, "q"], block: Block, gain: Float[Array, ""] | None = None
+    ) -> tuple[Channels, ...]:
+        """What each linear coefficient adds to the image: the basis, p columns of planes [P].
+
+        Each has one plane a channel, or all have one for all channels. `gain` is that of all lights.
+        """
+        gbuffer, scene = block.gbuffer, block.scene
         material, attenuation = self.unpack(u)
         if attenuation is not None:
             scene = with_attenuation(scene, attenuation)
         terms = basis(gbuffer, scene, material)
-        present = [
-            *((terms.ambient,) if material.ka is not None else ()),
+        lit = [
             *((terms.diffuse,) if material.kd is not None else ()),
             *(terms.specular or (None,) * len(material.specular)),
         ]
+        if gain is not None:
+            lit = [None if term is None else times(term, (gain,)) for term in lit]
+        present = [*((terms.ambient,) if material.ka is not None else ()), *lit]
         dark = jnp.zeros(gbuffer.pixel_count, gbuffer.normal.x.dtype)
+        grey = all(term is None or len(term) == 1 for term in present)
+        return tuple(
+            tuple(
+                plane + dark
+                for plane in per_channel(term or (dark,), 1 if grey else self.channel_count)
+            )
+            for term in present
+        )
 
-        def column(term: Channels | None) -> Float[Array, "C P"]:
-            planes = per_channel(term or (dark,), self.channel_count)
-            return jnp.stack([plane + dark for plane in planes])
-
-        return jnp.stack([column(term) for term in present], axis=1)
+    def named(self, u: Float[np.ndarray, "q"]) -> dict[str, float]:
+        """What is searched, by name."""
+        count = len(self.searched)
+        lobes = {
+            f"specular.{j}.shininess": float(np.exp(u[k])) for k, j in enumerate(self.searched)
+        }
+        laws = {f"reference.l{k}": float(l) for k, l in enumerate(u[count:])}
+        return lobes | laws
 
     def with_linear(self, material: Material, k: Float[Array, "C p"]) -> Material:
         """The material with its linear coefficients set, one number a channel."""
@@ -141,9 +206,13 @@ def shininess_names(material: Material) -> tuple[str, ...]:
 def default_material(scenes: Iterable[Scene]) -> Material:
     """Diffuse and one Phong lobe, and ambient where any scene has ambient light."""
     ambient = any(scene.ambient is not None for scene in scenes)
-    half = jnp.asarray(0.5, float)
-    lobe = Phong(ks=half, shininess=jnp.asarray(30.0, float))
-    return Material(ka=half if ambient else None, kd=half, specular=(lobe,))
+    return _default_material(ambient, jnp.asarray(0.0).dtype)
+
+
+@cache
+def _default_material(ambient: bool, dtype: jnp.dtype) -> Material:
+    half, shininess = jnp.asarray(0.5, dtype), jnp.asarray(30.0, dtype)
+    return Material(ka=half if ambient else None, kd=half, specular=(Phong(half, shininess),))
 
 
 CONSTANTS = ("attenuation.c0", "attenuation.c1", "attenuation.c2")

@@ -7,21 +7,22 @@ is a fair sample of all.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.scene import Scene
 
-__all__ = ["Group", "View", "group_views"]
+__all__ = ["Group", "View", "group_views", "in_precision"]
 
 BLOCK = 4096
-"""Pixels a block: enough to be fast, few enough for a grid search on one."""
+"""Pixels a block: more are no faster, and these stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -30,74 +31,136 @@ class View:
 
     gbuffer: GBuffer
     scene: Scene
-    observed: Float[np.ndarray, "C P"]
+    observed: Float[np.ndarray, "P C"]
     weight: Float[np.ndarray, "P"]
+    clipped: Bool[np.ndarray, "P C"] | None = None
 
 
 class Group(eqx.Module):
-    """K images of one structure, their pixels in B blocks of P."""
+    """K images of one structure, their pixels in B blocks of P, of which the first `count` are filled.
+
+    B and P grow in steps, so that captures of many sizes share a few compiled programs.
+    """
 
     blocks: GBuffer  # every plane [B, P]
     scenes: Scene  # every leaf [K, ...]
     observed: Float[Array, "K B C P"]
     weight: Float[Array, "K B P"]
+    count: Int[Array, ""]
+    clipped: Bool[Array, "K B C P"] | None = None
+
+    def sample(self, size: int) -> "Group":
+        """A fair sample of about `size` pixels: a comb of the first block."""
+        step = self.weight.shape[2] // size
+        if step < 2 or self.blocks.spread is not None:
+            return self
+        blocks = replace(
+            self.blocks,
+            shape=(1, -(-self.weight.shape[2] // step)),
+            normal=jax.tree.map(lambda plane: plane[:1, ::step], self.blocks.normal),
+            position=jax.tree.map(lambda plane: plane[:1, ::step], self.blocks.position),
+            viewer=jax.tree.map(lambda leaf: leaf[:1], self.blocks.viewer),
+        )
+        observed, weight = self.observed[:, :1, :, ::step], self.weight[:, :1, ::step]
+        clipped = None if self.clipped is None else self.clipped[:, :1, :, ::step]
+        return Group(blocks, self.scenes, observed, weight, jnp.minimum(self.count, 1), clipped)
 
 
-def group_views(views: Sequence[View]) -> tuple[Group, ...]:
-    """The views in groups, of the pixels that any view of a group uses."""
-    together: dict[object, list[View]] = {}
-    for view in views:
+def group_views(views: Sequence[View]) -> tuple[tuple[Group, ...], tuple[int, ...]]:
+    """The views in groups, of the pixels that any view of a group uses; and which image is where."""
+    together: dict[object, list[int]] = {}
+    for k, view in enumerate(views):
         leaves, structure = jax.tree.flatten(view.scene)
         shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
-        together.setdefault((id(view.gbuffer), structure, shapes), []).append(view)
-    return tuple(_group(members) for members in together.values())
+        together.setdefault((id(view.gbuffer), structure, shapes), []).append(k)
+    groups = tuple(_group([views[k] for k in members]) for members in together.values())
+    return groups, tuple(k for members in together.values() for k in members)
 
 
 def _group(views: list[View]) -> Group:
     gbuffer = views[0].gbuffer
-    index, real, count = _comb(views)
     dtype = gbuffer.normal.x.dtype
+    index, real, count = _comb(views)
+    shape = index.shape
 
     def planes(values: np.ndarray) -> np.ndarray:
-        return values[..., index].reshape(*values.shape[:-1], count, -1)
-
-    observed = np.stack([planes(view.observed) for view in views])
-    weight = np.stack([planes(view.weight) * real.reshape(count, -1) for view in views])
-    return Group(
-        blocks=_in_blocks(gbuffer, index, count),
-        scenes=jax.tree.map(lambda *leaves: np.stack(leaves), *(view.scene for view in views)),
-        observed=jnp.asarray(np.moveaxis(observed, 2, 1), dtype),
-        weight=jnp.asarray(weight, dtype),
-    )
-
-
-def _comb(views: list[View]) -> tuple[np.ndarray, np.ndarray, int]:
-    """The pixels block after block, which of them are real and not filling, and how many blocks."""
-    gbuffer = views[0].gbuffer
-    if gbuffer.spread is not None:
-        # Intensities spread from faces or vertices, all of which are shaded: one block, whole.
-        everything = np.arange(gbuffer.pixel_count)
-        return everything, np.ones(everything.size, bool), 1
-    used = np.flatnonzero(np.any([view.weight > 0 for view in views], axis=0))
-    count = max(1, -(-used.size // BLOCK))
-    length = max(1, -(-used.size // count))
-    padded = np.concatenate([used, np.zeros(count * length - used.size, used.dtype)])
-    real = np.arange(padded.size) < used.size
-    order = np.arange(padded.size).reshape(length, count).T.ravel()
-    return padded[order], real[order], count
-
-
-def _in_blocks(gbuffer: GBuffer, index: np.ndarray, count: int) -> GBuffer:
-    whole = gbuffer.spread is not None
+        return np.asarray(values, dtype)[index]
 
     def blocks(plane: Array) -> np.ndarray:
         host = np.asarray(plane)
-        return host[None] if whole else host[index].reshape(count, -1)
+        return host[index] if gbuffer.spread is None else host[None]
 
-    return GBuffer(
-        shape=(1, index.size // count),
-        normal=jax.tree.map(blocks, gbuffer.normal),
-        viewer=jax.tree.map(lambda leaf: np.stack([leaf] * count), gbuffer.viewer),
-        position=jax.tree.map(blocks, gbuffer.position),
-        spread=jax.tree.map(lambda leaf: leaf[None], gbuffer.spread),
+    def channels_first(values: list[np.ndarray]) -> np.ndarray:
+        return np.ascontiguousarray(np.moveaxis(np.stack(values), 3, 2))
+
+    observed = channels_first([planes(view.observed) for view in views])
+    weight = np.stack([planes(view.weight) * real for view in views])
+    masks = [view.clipped for view in views]
+    if any(mask is not None for mask in masks):
+        none = np.zeros(views[0].observed.shape, bool)
+        masks = [none if mask is None else mask for mask in masks]
+        clipped = channels_first([mask[index] for mask in masks])
+    else:
+        clipped = None
+    viewers = jax.tree.map(lambda leaf: np.stack([leaf] * shape[0]), gbuffer.viewer)
+    scenes = jax.tree.map(lambda *leaves: np.stack(leaves), *(view.scene for view in views))
+    surface = jax.tree.map(blocks, (gbuffer.normal, gbuffer.position))
+    # One precision throughout, that of the surface, whatever images and lights came in.
+    normal, position, viewers, scenes, observed, weight, clipped, count = jax.device_put(
+        (
+            *surface,
+            *in_precision((viewers, scenes), dtype),
+            observed,
+            weight,
+            clipped,
+            np.int32(count),
+        )
     )
+    return Group(
+        blocks=GBuffer(
+            shape=(1, shape[1]),
+            normal=normal,
+            viewer=viewers,
+            position=position,
+            spread=jax.tree.map(lambda leaf: leaf[None], gbuffer.spread),
+        ),
+        scenes=scenes,
+        observed=observed,
+        weight=weight,
+        count=count,
+        clipped=clipped,
+    )
+
+
+def in_precision(tree: PyTree, dtype: np.dtype) -> PyTree:
+    """The tree's floats as NumPy arrays of one type."""
+
+    def converted(x: Any) -> Any:
+        return np.asarray(x, dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x
+
+    return jax.tree.map(converted, tree)
+
+
+def _comb(
+    views: list[View],
+) -> tuple[Int[np.ndarray, "B P"], Bool[np.ndarray, "B P"], int]:
+    """The pixels of each block, which of them are real and not filling, and how many blocks hold any."""
+    gbuffer = views[0].gbuffer
+    if gbuffer.spread is not None:
+        # Intensities spread from faces or vertices, all of which are shaded: one block, whole.
+        everything = np.arange(gbuffer.pixel_count)[None]
+        return everything, np.ones(everything.shape, bool), 1
+    used = np.flatnonzero(np.any([view.weight > 0 for view in views], axis=0))
+    count = max(1, -(-used.size // BLOCK))
+    length = BLOCK if count > 1 else _stepped(used.size)
+    order = np.arange(count * length).reshape(length, count).T
+    filling = np.full((_stepped(count) - count, length), used.size)
+    order = np.concatenate([order, filling])
+    real = order < used.size
+    return used[np.where(real, order, 0)], real, count
+
+
+def _stepped(size: int) -> int:
+    """The least of 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, ... that is no less: four an octave."""
+    step = 1 << max(0, (size - 1).bit_length() - 3)
+    return -(-size // step) * step

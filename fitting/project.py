@@ -1,27 +1,34 @@
 """Variable projection: the linear coefficients eliminated, streamed over blocks of pixels.
 
 For a given u the best linear coefficients k(u) solve a small bounded least-squares problem in each
-channel, whose Gram matrix is summed over blocks, images and channels; nothing as large as an image is
-ever formed. What is left, |y - A(u) k(u)|^2, is a nonlinear least-squares problem in u alone. Its
-Gauss-Newton model needs only a Gram matrix with the derivative columns in it (Kaufman 1975), whose
-Cholesky factor stands for the residual: as many numbers as there are unknowns, and one.
+channel. What is left, |y - A(u) k(u)|^2, is a nonlinear least-squares problem in u alone (Golub and
+Pereyra 1973), whose Gauss-Newton model needs only the Gram matrix of A, of dA/du and of a residual
+(Kaufman 1975). One pass over the data sums it, block by block; nothing as large as an image is ever
+formed. Its Cholesky factor then stands for the residual: as many numbers as there are unknowns, and one.
+
+The residual that is summed is that of a `reference` k near the solution, y - A k_ref. Subtracting Gram
+matrices of y itself would leave nothing of a small residual in float32.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
 
-from diffshade.geometry.gbuffer import GBuffer
-from diffshade.scene import Scene
+from diffshade import guard
+from diffshade.channels import Channels, per_channel
 from fitting.linear import bounded_least_squares, solve_positive
 from fitting.model import Model
 from fitting.observation import Group
+from fitting.stream import Block, sum_over_blocks
+from fitting.weights import Judge
 
-__all__ = ["Linearised", "Problem", "compressed_residual", "cost", "linearise"]
+__all__ = ["Linearised", "Problem", "compressed_residual", "cost", "linearise", "predict"]
 
 
 class Problem(eqx.Module):
@@ -31,14 +38,27 @@ class Problem(eqx.Module):
     groups: tuple[Group, ...]
     lower: Float[Array, "C p"]
     upper: Float[Array, "C p"]
+    reference: Float[Array, "C p"]  # linear coefficients near the solution
     norm: Float[Array, ""]  # of everything observed: the unit of the residual
-    block_share: Float[Array, ""]  # in [0, 1]: the share of the blocks looked at, one at the least
+    most_blocks: Int[Array, ""]  # that are looked at, of each group
+    judge: Judge | None = None  # by which observations are weighed
+    gains: Float[Array, "K"] | None = None  # of each image's lights, in the order of the groups
+
+    def each_group(self) -> Iterator[tuple[Group, Float[Array, "K"] | None]]:
+        """The groups, with the gains of their images."""
+        first = 0
+        for group in self.groups:
+            last = first + len(group.weight)
+            yield group, None if self.gains is None else self.gains[first:last]
+            first = last
 
 
 class Linearised(eqx.Module):
     """The fit around u: |r + J du|^2 = cost - 2 gradient.du + du.hessian.du, k eliminated.
 
-    `information` holds the Gram matrix of [A, J, r] in each channel, k not eliminated.
+    `information` holds the Gram matrix of [A, J, r] in each channel, k not eliminated;
+    `image_cost` the |r|^2 of each image, in the order of the groups. `reference_cost` is that of the
+    reference: the cost comes of subtracting from it, and is no more precise than it.
     """
 
     k: Float[Array, "C p"]
@@ -47,32 +67,60 @@ class Linearised(eqx.Module):
     gradient: Float[Array, "q"]
     hessian: Float[Array, "q q"]
     information: Float[Array, "C n n"]
+    image_cost: Float[Array, "K"]
+    reference_cost: Float[Array, ""]
+    gains: Float[Array, "K"] | None  # that would fit best at this k and u, where they are unknown
 
 
-def cost(problem: Problem, u: Float[Array, "q"]) -> Float[Array, ""]:
-    """min over k of |y - A(u) k|^2; one pass over the data."""
-    gram = _gram(problem, u)
-    k, _ = _solve(problem, gram)
-    ends = jnp.append(k, -jnp.ones((k.shape[0], 1), k.dtype), axis=1)
-    return jnp.einsum("ci,cij,cj->", ends, gram, ends)  # |A k - y|^2
+class Sums(NamedTuple):
+    """Of rows R and the residual r, over the pixels of each of K images: R R', R r and r r.
+
+    G is 1 where all channels share their rows, else C.
+    """
+
+    rows: Float[Array, "K G m m"]
+    moment: Float[Array, "K C m"]
+    square: Float[Array, "K C"]
+
+
+def cost(problem: Problem, u: Float[Array, "q"]) -> tuple[Float[Array, ""], Float[Array, "C p"]]:
+    """min over k of |y - A(u) k|^2, and that k; one pass over the data."""
+    sums = _total(_sums(problem, u, derivatives=False))
+    change, _ = _solve(problem, sums)
+    return jnp.sum(_square(sums, change)), problem.reference + change
 
 
 def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
-    """k(u) and the Gauss-Newton model around u; two passes over the data.
+    """k(u) and the Gauss-Newton model around u; one pass over the data."""
+    model, (channel_count, p) = problem.model, problem.lower.shape
+    each = _sums(problem, u, derivatives=True)
+    sums = _total(each)
+    change, free = _solve(problem, sums)
+    k = _snapped(problem, problem.reference + change, free)
 
-    The second pass sums the actual residual: subtracting Gram matrices from each other would leave
-    nothing of a small residual in float32.
-    """
-    k, _ = _solve(problem, _gram(problem, u))
-    gram = _gram_with_derivatives(problem, u, k)
-    p, q = k.shape[1], u.size
-    # One refinement of k against the residual that was actually left, then which of it is free.
-    at_lower, at_upper = k <= problem.lower, k >= problem.upper
-    seen = jnp.diagonal(gram, axis1=1, axis2=2)[:, :p] > 0
-    free = ~at_lower & ~at_upper & seen
+    # From rows [A, dA/du] to [A, J], J = dA/du k: one column a direction.
+    m, q = model.direction_count, u.size
+    dtype = u.dtype
+    moves = np.zeros((len(model.moves), m, p))
+    for row, (direction, column) in enumerate(model.moves):
+        moves[row, direction, column] = 1
+    derivative = jnp.einsum("rdc,gc->grd", jnp.asarray(moves, dtype), k)
+    # and from directions to unknowns; those that are held or dependent get a column of zeros
+    derivative = derivative @ model.slots.astype(dtype)
+    n = p + q + 1
+
+    size = sums.rows.shape[-1]
+    to = jnp.zeros((channel_count, size, n), dtype)
+    to = to.at[:, :p, :p].set(jnp.eye(p, dtype=dtype)).at[:, p:, p : p + q].set(derivative)
+    rows = jnp.broadcast_to(sums.rows, (channel_count, size, size))
+    moment = sums.moment - jnp.einsum("cij,cj->ci", rows[:, :, :p], change)
+    gram = jnp.einsum("cia,cij,cjb->cab", to, rows, to)
+    side = jnp.einsum("cia,ci->ca", to, moment)
+    gram = gram.at[:, -1, :].set(side).at[:, :, -1].set(side)
+    gram = gram.at[:, -1, -1].set(_square(sums, change))
 
     def eliminate(gram: Array, free: Array) -> tuple[Array, Array]:
-        keep = free.astype(gram.dtype)
+        keep = free.astype(dtype)
         inner = gram[:p, :p] * jnp.outer(keep, keep) + jnp.diag(1 - keep)
         scale = 1 / jnp.sqrt(jnp.diagonal(inner))
         inner = inner * jnp.outer(scale, scale)
@@ -80,10 +128,20 @@ def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
         solved = solve_positive(inner, side)
         return gram[p:, p:] - side.T @ solved, solved[:, q] * scale * keep
 
-    schur, change = jax.vmap(eliminate)(gram, free)
+    # k refined once against the residual that was actually left
+    schur, refinement = jax.vmap(eliminate)(gram, free)
     total = jnp.sum(schur, axis=0)
-    k = jnp.clip(k + change, problem.lower, problem.upper)
-    return Linearised(k, free, jnp.maximum(total[q, q], 0), total[:q, q], total[:q, :q], gram)
+    return Linearised(
+        k=jnp.clip(k + refinement, problem.lower, problem.upper),
+        free=free,
+        cost=jnp.maximum(total[q, q], 0),
+        gradient=total[:q, q],
+        hessian=total[:q, :q],
+        information=gram,
+        image_cost=jnp.sum(jax.vmap(_square, (0, None))(each, change), axis=-1),
+        reference_cost=jnp.sum(sums.square),
+        gains=None if problem.gains is None else _better_gains(problem, each, change, k),
+    )
 
 
 def compressed_residual(
@@ -93,7 +151,7 @@ def compressed_residual(
 
     Its derivative in u is the Jacobian that the data gave, not that of the eliminations above.
     """
-    here = jax.lax.stop_gradient(u)
+    here = lax.stop_gradient(u)
     at = linearise(problem, here)
     residual, jacobian = _compress(at, problem.model.held)
     return (residual + jacobian @ (u - here)) / problem.norm, at
@@ -128,67 +186,100 @@ def _compress(
     return residual, jacobian
 
 
-def _solve(problem: Problem, gram: Array) -> tuple[Array, Array]:
-    p = problem.lower.shape[1]
+def _total(sums: Sums) -> Sums:
+    """Over all images."""
+    return Sums(*(jnp.sum(of_images, axis=0) for of_images in sums))
+
+
+def _solve(problem: Problem, sums: Sums) -> tuple[Float[Array, "C p"], Bool[Array, "C p"]]:
+    """The change of the reference that fits best within the bounds, and which of it is free."""
+    channel_count, p = problem.lower.shape
+    gram = jnp.broadcast_to(sums.rows[:, :p, :p], (channel_count, p, p))
     return jax.vmap(bounded_least_squares)(
-        gram[:, :p, :p], gram[:, :p, p], problem.lower, problem.upper
+        gram,
+        sums.moment[:, :p],
+        problem.lower - problem.reference,
+        problem.upper - problem.reference,
     )
 
 
-def _gram(problem: Problem, u: Array) -> Float[Array, "C n n"]:
-    """The Gram matrix of [A, y], summed over everything observed."""
-
-    def rows(gbuffer: GBuffer, scene: Scene, observed: Array) -> Float[Array, "C n P"]:
-        columns = problem.model.columns(u, gbuffer, scene)
-        return jnp.concatenate([columns, observed[:, None]], axis=1)
-
-    return _sum_grams(problem, rows, problem.lower.shape[1] + 1)
-
-
-def _gram_with_derivatives(problem: Problem, u: Array, k: Array) -> Float[Array, "C n n"]:
-    """The Gram matrix of [A, J, r], with J = d(A k)/du at fixed k and r = y - A k."""
-
-    def rows(gbuffer: GBuffer, scene: Scene, observed: Array) -> Float[Array, "C n P"]:
-        def image(u: Array) -> tuple[Array, tuple[Array, Array]]:
-            columns = problem.model.columns(u, gbuffer, scene)
-            predicted = jnp.einsum("cpi,cp->ci", columns, k)
-            return predicted, (predicted, columns)
-
-        jacobian, (predicted, columns) = jax.jacfwd(image, has_aux=True)(u)
-        residual = observed - predicted
-        return jnp.concatenate([columns, jnp.moveaxis(jacobian, -1, 1), residual[:, None]], axis=1)
-
-    return _sum_grams(problem, rows, k.shape[1] + u.size + 1)
+def _snapped(problem: Problem, k: Float[Array, "C p"], free: Bool[Array, "C p"]) -> Array:
+    """k with what lies on a bound exactly there, whatever rounding made of it."""
+    nearest = jnp.where(k - problem.lower <= problem.upper - k, problem.lower, problem.upper)
+    near = jnp.abs(k - nearest) <= 1e-3 * jnp.abs(problem.reference - nearest)
+    return jnp.where(
+        ~free & near & jnp.isfinite(nearest), nearest, jnp.clip(k, problem.lower, problem.upper)
+    )
 
 
-def _sum_grams(
-    problem: Problem, rows: Callable[[GBuffer, Scene, Array], Array], size: int
-) -> Float[Array, "C n n"]:
-    """The sum of R W R' over blocks and images, R the rows of one block, W its pixels' weights."""
-    total = jnp.zeros((problem.lower.shape[0], size, size), problem.lower.dtype)
-    for group in problem.groups:
-        total = total + _sum_group(group, problem.block_share, rows, total)
-    return total
+def _better_gains(
+    problem: Problem, each: Sums, change: Float[Array, "C p"], k: Float[Array, "C p"]
+) -> Float[Array, "K"]:
+    """The gain of each image's lights that fits it best, the mean kept at 1.
+
+    An image is I_a k_a + g L, L its lit part: g follows by least squares from <L, r> and <L, L>.
+    """
+    assert problem.gains is not None
+    p = k.shape[1]
+    lit = k * np.array(problem.model.lit, float).astype(k.dtype)[None]
+    rows = jnp.broadcast_to(each.rows[:, :, :p, :p], (len(each.rows), *k.shape, p))
+    moment = each.moment[:, :, :p] - jnp.einsum("gcij,cj->gci", rows, change)
+    crossed = jnp.einsum("ci,gci->g", lit, moment)
+    square = jnp.einsum("ci,gcij,cj->g", lit, rows, lit)
+    gains = problem.gains * jnp.maximum(1 + guard.reciprocal(square) * crossed, 0)
+    return gains * guard.reciprocal(jnp.mean(gains))
 
 
-def _sum_group(
-    group: Group,
-    share: Float[Array, ""],
-    rows: Callable[[GBuffer, Scene, Array], Array],
-    zero: Float[Array, "C n n"],
-) -> Float[Array, "C n n"]:
-    block_count = group.observed.shape[1]
-    # How many blocks are visited is a value, not a shape: few and all run in one program.
-    visited = jnp.maximum(1, jnp.round(share * block_count).astype(int))
+def _square(sums: Sums, change: Float[Array, "C p"]) -> Float[Array, "C"]:
+    """|r - A change|^2 in each channel."""
+    p = change.shape[1]
+    rows = jnp.broadcast_to(sums.rows[:, :p, :p], (change.shape[0], p, p))
+    crossed = jnp.einsum("ci,ci->c", change, sums.moment[:, :p])
+    return sums.square - 2 * crossed + jnp.einsum("ci,cij,cj->c", change, rows, change)
 
-    def add_image(total: Array, image: tuple[Scene, Array, Array]) -> tuple[Array, None]:
-        scene, observed, weight = image
 
-        def add_block(b: Array, total: Array) -> Array:
-            gbuffer = jax.tree.map(lambda plane: plane[b], group.blocks)
-            r = rows(gbuffer, scene, observed[b])
-            return total + jnp.einsum("cip,p,cjp->cij", r, weight[b], r)
+def _sums(problem: Problem, u: Float[Array, "q"], *, derivatives: bool) -> Sums:
+    """The sums of [A] or [A, dA/du] and the residual of the reference, image by image."""
+    model, judge = problem.model, problem.judge
+    channel_count = len(problem.reference)
+    moves = model.moves if derivatives else ()
+    directions = model.directions.astype(u.dtype)
 
-        return jax.lax.fori_loop(0, visited, add_block, total), None
+    def of_block(block: Block, gain: Float[Array, ""] | None) -> Sums:
+        columns, push = jax.linearize(lambda u: model.columns(u, block, gain), u)
+        moved = [push(direction) for direction in directions] if moves else []
+        present = (*columns, *(moved[i][j] for i, j in moves))
+        residual = block.observed - predict(columns, problem.reference)
+        if judge is None:
+            weights, sets = block.weight[None], len(columns[0])
+        else:
+            judged = predict(model.columns(judge.u, block, gain), judge.k)
+            weights = judge.weights(judged, block.observed, block.clipped) * block.weight[None]
+            sets = channel_count
+        # One product of tall matrices for each set of rows, the residuals among them.
+        size, grams = len(present), []
+        for g in range(sets):
+            planes = [row[min(g, len(row) - 1)] for row in present]
+            left = residual if sets < channel_count else residual[g : g + 1]
+            rows = jnp.stack([*planes, *left])
+            weighed = rows * weights[min(g, len(weights) - 1)][None]
+            grams.append(jnp.matmul(weighed, rows.T, precision=lax.Precision.HIGHEST))
+        gram = jnp.stack(grams)
+        return Sums(
+            gram[:, :size, :size],
+            jnp.swapaxes(gram[:, :size, size:], 1, 2).reshape(channel_count, size),
+            jnp.diagonal(gram[:, size:, size:], axis1=1, axis2=2).reshape(channel_count),
+        )
 
-    return jax.lax.scan(add_image, zero, (group.scenes, group.observed, group.weight))[0]
+    each = [
+        sum_over_blocks(group, of_block, problem.most_blocks, gains)
+        for group, gains in problem.each_group()
+    ]
+    return Sums(*(jnp.concatenate(of_groups) for of_groups in zip(*each, strict=True)))
+
+
+def predict(columns: tuple[Channels, ...], k: Float[Array, "C p"]) -> Float[Array, "C P"]:
+    """The image A k."""
+    each = (per_channel(column, len(k)) for column in columns)
+    terms = [jnp.stack(planes) * ks[:, None] for planes, ks in zip(each, k.T, strict=True)]
+    return sum(terms[1:], terms[0])

@@ -1,7 +1,9 @@
 """From the unknowns of the search back to coefficients as the texts name them."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from diffshade.light.attenuation import QuadraticAttenuation
@@ -9,7 +11,7 @@ from diffshade.reflectance.material import Material
 from fitting.gauge import ReferenceAttenuation
 from fitting.model import Model, coefficient, linear_names, shininess_names
 
-__all__ = ["Recovery"]
+__all__ = ["Recovery", "recover"]
 
 Numbers = Float[Array, "..."]
 
@@ -49,12 +51,13 @@ class Recovery(eqx.Module):
             }
         return found
 
-    def exceeds_one(self, u: Float[Array, "q"]) -> bool:
+    def exceeds_one(self, u: Float[np.ndarray, "q"]) -> bool:
         """Whether a law whose scale is known passes 1, where LIGHT-12 would clamp it."""
-        law = self.model.unpack(u)[1]
-        if law is None or self.nearest is None or not self.model.scaled:
+        if self.nearest is None or not self.model.scaled:
             return False
-        return float(law(self.nearest)) > 1 + 1e-6
+        l0, l1, l2 = (float(l) for l in u[len(self.model.searched) :])
+        t = float(self.nearest) / float(self.model.distance)  # type: ignore[arg-type]
+        return l0 + t * (l1 + t * l2) < 1 - 1e-6
 
     def _scale(self, k: Numbers, law: ReferenceAttenuation | None) -> Float[Array, ""] | None:
         """The common scale of c0, c1, c2 and k_d, k_s: known where one of these is held."""
@@ -71,3 +74,11 @@ class Recovery(eqx.Module):
 def _attenuated(material: Material, k: Float[Array, "C p"]) -> Bool[Array, "C p"]:
     """Which linear coefficients an attenuation multiplies: all but k_a."""
     return jnp.broadcast_to(jnp.array([name != "ka" for name in linear_names(material)]), k.shape)
+
+
+@jax.jit
+def recover(
+    recovery: Recovery, k: Float[Array, "C p"], u: Float[Array, "q"]
+) -> tuple[Material, QuadraticAttenuation | None, dict[str, Numbers]]:
+    """The material, the attenuation, and every coefficient by name."""
+    return *recovery.material(k, u), recovery.coefficients(k, u)

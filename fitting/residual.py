@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from diffshade.arrays import ArrayLike
 from diffshade.geometry.gbuffer import GBuffer
@@ -12,7 +13,7 @@ from diffshade.scene import Scene
 from diffshade.shading.render import render
 from fitting.inputs import Photograph, match
 
-__all__ = ["Evaluation", "ImageResidual", "evaluate", "measure"]
+__all__ = ["Evaluation", "ImageResidual", "evaluate", "evaluation", "measure", "ratio"]
 
 
 @dataclass(frozen=True)
@@ -58,24 +59,37 @@ def evaluate(
     return measure(material, match(images, gbuffer, scenes, valid))
 
 
+def evaluation(
+    photographs: Sequence[Photograph],
+    left: Float[np.ndarray, "K"],
+    squares: Float[np.ndarray, "K"],
+) -> Evaluation:
+    """The figures from |observed - predicted|^2 and |observed|^2 of each photograph."""
+    rows = []
+    for photograph, cost, square in zip(photographs, left.tolist(), squares.tolist(), strict=True):
+        used = int(photograph.unclipped.sum())
+        rows.append(ImageResidual(ratio(cost, square), used, photograph.gbuffer.pixel_count - used))
+    excluded = sum(row.pixels_excluded for row in rows)
+    foreground = sum(row.pixels_used for row in rows) + excluded
+    return Evaluation(
+        ratio(float(left.sum()), float(squares.sum())), excluded / max(foreground, 1), tuple(rows)
+    )
+
+
 def measure(material: Material, photographs: Sequence[Photograph]) -> Evaluation:
     """Render every photograph's scene with a material, and measure what differs."""
-    rows, squares, norms, foreground = [], 0.0, 0.0, 0
-    for image, gbuffer, scene, valid in photographs:
-        inside = gbuffer.mask
-        used = inside & valid
-        predicted = np.asarray(render(gbuffer, scene, material), np.float64)[used]
-        observed = np.asarray(image, np.float64)[used]
-        square = float(np.sum((observed - predicted) ** 2))
-        norm = float(np.sum(observed**2))
-        excluded = int((inside & ~used).sum())
-        rows.append(ImageResidual(_ratio(square, norm), int(used.sum()), excluded))
-        squares, norms, foreground = squares + square, norms + norm, foreground + int(inside.sum())
-    left_out = sum(row.pixels_excluded for row in rows)
-    return Evaluation(_ratio(squares, norms), left_out / max(foreground, 1), tuple(rows))
+    left, squares = [], []
+    for photograph in photographs:
+        used = photograph.unclipped
+        predicted = render(photograph.gbuffer, photograph.scene, material)
+        observed = np.asarray(photograph.image, np.float64)[used]
+        left.append(np.sum((observed - np.asarray(predicted, np.float64)[used]) ** 2))
+        squares.append(np.sum(observed**2))
+    return evaluation(photographs, np.array(left), np.array(squares))
 
 
-def _ratio(square: float, norm: float) -> float:
+def ratio(square: float, norm: float) -> float:
+    """The relative residual, from |observed - predicted|^2 and |observed|^2."""
     if norm > 0:
         return (square / norm) ** 0.5
     return 0.0 if square == 0 else float("inf")

@@ -12,13 +12,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Float, PyTree, Scalar
+from jaxtyping import Array, Bool, Float, PyTree, Scalar
 
 from fitting.linear import solve_positive
 
 __all__ = ["BoundedLevenbergMarquardt"]
 
 Vector = Float[Array, "q"]
+Tolerance = float | Float[Array, ""]
+
+
+_Move = tuple[Bool[Array, "q"], Vector, Vector]
+"""Which unknowns are held, how far they move, and how far all do."""
 
 
 class _DescentState(eqx.Module):
@@ -59,16 +64,19 @@ class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
         damped = hessian * jnp.outer(scale, scale) + damping * jnp.eye(y.size, dtype=y.dtype)
 
         held = ((y <= self.lower) & (gradient > 0)) | ((y >= self.upper) & (gradient < 0))
-        at = jnp.zeros_like(y)
-        move = at
-        for _ in range(y.size + 1):
+
+        def hold_what_leaves(_: Array, state: _Move) -> _Move:
+            held, at, _move = state
             free = (~held).astype(y.dtype)
             matrix = damped * jnp.outer(free, free) + jnp.diag(1 - free)
             right = -(gradient + hessian @ at) * scale * free
             move = jnp.where(held, at, solve_positive(matrix, right) * scale)
             beyond = ~held & ((y + move < self.lower) | (y + move > self.upper))
             at = jnp.where(beyond, jnp.clip(y + move, self.lower, self.upper) - y, at)
-            held = held | beyond
+            return held | beyond, at, move
+
+        none = jnp.zeros_like(y)
+        held, at, move = jax.lax.fori_loop(0, y.size + 1, hold_what_leaves, (held, none, none))
         inside = jnp.clip(y + jnp.where(held, at, move), self.lower, self.upper)
         return inside - y, optx.RESULTS.successful  # type: ignore[return-value]
 
@@ -111,14 +119,14 @@ class BoundedLevenbergMarquardt(optx.AbstractGaussNewton):
     where some bounds are active, which clipping after an unconstrained step does not.
     """
 
-    rtol: float
-    atol: float
+    rtol: Tolerance
+    atol: Tolerance
     norm: Callable[[PyTree], Scalar]
     descent: BoundedDampedDescent
     search: _TrustRegion
     verbose: Callable[..., None]
 
-    def __init__(self, rtol: float, atol: float, lower: Vector, upper: Vector) -> None:
+    def __init__(self, rtol: Tolerance, atol: Tolerance, lower: Vector, upper: Vector) -> None:
         self.rtol = rtol
         self.atol = atol
         self.norm = optx.max_norm
