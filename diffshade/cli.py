@@ -1,8 +1,8 @@
 """The command line: options and exit status. No command is imported before it runs.
 
 Exit status: 0 done; 1 ran but did not converge; 2 wrong usage; 3 bad input, with one line on standard
-error that names the file, what is wrong and what to do; 70 an error of this program; 130 and 141
-interrupted, or its reader gone.
+error that names the file, what is wrong and what to do; 69 a process of several was lost; 70 an error
+of this program; 130 and 141 interrupted, or its reader gone.
 """
 
 import os
@@ -11,19 +11,31 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, arg
 
 from diffshade.commands.console import WrongUsage, note
-from diffshade.commands.options import parse_circle, parse_encoding, parse_hold, parse_white
+from diffshade.commands.options import (
+    parse_circle,
+    parse_coordinator,
+    parse_encoding,
+    parse_hold,
+    parse_share,
+    parse_white,
+)
+from diffshade.commands.processes import team_of
 from diffshade.commands.settings import Bits, cache_programs, floats_of
 from diffshade.errors import BadInput
 
 __all__ = ["main", "run"]
 
 CaptureArgument = Annotated[Positional[Path], arg(metavar="CAPTURE")]
+CapturesArgument = Annotated[Positional[tuple[Path, ...]], arg(metavar="CAPTURE ...")]
+ShareOption = Annotated[str | None, arg(metavar="I/N", help_behavior_hint="")]
+CountOption = Annotated[int | None, arg(metavar="N", help_behavior_hint="")]
+AddressOption = Annotated[str | None, arg(metavar="HOST:PORT", help_behavior_hint="")]
 FolderOption = Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")]
 Flag = Annotated[FlagCreatePairsOff[bool], arg(help_behavior_hint="")]
 PrecisionOption = Annotated[Bits | None, arg(help_behavior_hint="")]
@@ -76,7 +88,7 @@ def demo(*, out: FolderOption = None, json: Flag = False, precision: PrecisionOp
     """Recover the material of a ball that ships with the package, and compare with the truth.
 
     Args:
-        out: Write pictures, report.txt and fit.json into this folder.
+        out: Write pictures, report.html, report.txt and fit.json into this folder.
         json: Print one JSON object and nothing else on standard output.
         precision: Bits of a float; by default as JAX is set: 32, or 64 with JAX_ENABLE_X64.
     """
@@ -106,7 +118,7 @@ def render(
 
 
 def fit(
-    capture: CaptureArgument,
+    captures: CapturesArgument,
     *,
     out: FolderOption = None,
     model: Model = "phong",
@@ -115,13 +127,23 @@ def fit(
     circle: CircleOption = None,
     encoding: EncodingOption = None,
     hold: HoldOption = (),
+    robust: Flag = False,
+    censor: Flag = False,
+    gains: Flag = False,
+    certify: Flag = False,
     precision: PrecisionOption = None,
+    shard: ShareOption = None,
+    processes: CountOption = None,
+    process: ShareOption = None,
+    coordinator: AddressOption = None,
+    patience: Annotated[float, arg(metavar="SECONDS")] = 60.0,
 ) -> int:
     """Recover a material's coefficients and their standard errors from photographs.
 
     Args:
-        capture: A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml.
-        out: Write pictures, report.txt and fit.json into this folder.
+        captures: A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml. Of
+            several, each is fitted on its own, into a folder of its name below --out.
+        out: Write pictures, report.html, report.txt and fit.json into this folder.
         model: Diffuse and ambient terms with this lobe; lambert has none, phong2 has two.
         json: Print one JSON object and nothing else on standard output.
         white: The level at which the sensor clips, as a part of full scale.
@@ -129,21 +151,56 @@ def fit(
         encoding: How values relate to light, whatever the files say.
         hold: Keep coefficients at a value, one number or one a channel: ka, kd, specular.ks,
             specular.shininess (of one of two lobes: specular.0.ks).
+        robust: Take the weight from outliers, such as shadows (Tukey's biweight).
+        censor: Use clipped pixels as what they say, "at least", in place of leaving them out.
+        gains: Find the strength of each image's lights too.
+        certify: Prove that the minimum is global where one shininess is all that is searched, and
+            draw the residual over the shininess in report.html.
         precision: Bits of a float; by default as JAX is set: 32, or 64 with JAX_ENABLE_X64.
+        shard: Of several captures, fit every N-th from the I-th on.
+        processes: Make one fit by so many processes on this machine.
+        process: Make one fit by N processes, of which this is the I-th; start the others likewise, on
+            other machines. Each needs the capture, and the first writes --out.
+        coordinator: Where the first of these processes is reached by the others.
+        patience: How long to wait for a process that does not come, or shows no life (status 69).
     """
+    options: dict[str, Any] = {
+        "as_json": json,
+        "model": model,
+        "hold": tuple(map(parse_hold, hold)),
+        "robust": robust,
+        "censor": censor,
+        "gains": gains,
+        "certify": certify,
+        "white": parse_white(white),
+        "circle": parse_circle(circle),
+        "encoding": parse_encoding(encoding),
+    }
+    share = parse_share("--shard", shard)
+    if not captures:
+        raise WrongUsage("no CAPTURE is given: name one or more")
+    team = team_of(
+        processes, parse_share("--process", process), parse_coordinator(coordinator), patience
+    )
+    if team is not None:
+        if len(captures) > 1 or share is not None:
+            raise WrongUsage(
+                "--processes and --process make one fit together: give one CAPTURE, or else --shard"
+            )
+        from diffshade.commands.processes import fit_together
+
+        out_name = None if out is None else str(out)
+        return fit_together(
+            team, {"path": str(captures[0]), "out": out_name, "precision": precision, **options}
+        )
     with floats_of(precision):
+        if len(captures) > 1 or share is not None:
+            from diffshade.commands.batch import fit_batch
+
+            return fit_batch(captures, shard=share or (1, 1), out=out, **options)
         from diffshade.commands.fit import fit as command
 
-        return command(
-            capture,
-            out=out,
-            as_json=json,
-            model=model,
-            hold=tuple(map(parse_hold, hold)),
-            white=parse_white(white),
-            circle=parse_circle(circle),
-            encoding=parse_encoding(encoding),
-        )
+        return command(captures[0], out=out, **options)
 
 
 def evaluate(

@@ -7,12 +7,14 @@ three panels, observed | predicted | residual, and a bar with the colours of the
 - residual = observed - predicted, of the channel where it is largest: red where the photograph is
   brighter, blue where it is darker, white at 0; at the ends of the bar, +scale (top) and -scale.
 - Grey stripes mark what was left out of the fit (clipped, not finite); flat dark grey is no object.
+
+A map of what was left out has one colour for what was used and one for each reason.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -25,6 +27,8 @@ __all__ = [
     "diverging",
     "enlarged",
     "exposure",
+    "left_out",
+    "panels",
     "reduced",
     "residual_scale",
     "tone",
@@ -39,6 +43,13 @@ BACKGROUND = 0.16
 STRIPES = (0.38, 0.62)
 GAP = 6
 BAR = 8
+USED = 0.82
+REASONS = {
+    "clipped": (0.90, 0.60, 0.00),
+    "not finite or not opaque": (0.80, 0.35, 0.65),
+    "given no weight": (0.00, 0.45, 0.70),
+}
+"""The colours of what was left out, by reason; of Okabe and Ito's, told apart by everybody."""
 # From -1 to 1, in display values; as readable with red-green blindness, and printed in grey.
 COLOURS = np.array(
     [
@@ -92,6 +103,25 @@ def comparison(
     scale: float,
 ) -> Display:
     """observed | predicted | residual, cropped to the object; see the top of this module."""
+    observed, predicted, difference = panels(
+        observed, predicted, foreground, used, exposure=exposure, scale=scale
+    )
+    height = len(observed)
+    bar = diverging(np.repeat(np.linspace(1, -1, height)[:, None], BAR, axis=1), 1.0)
+    gap = np.full((height, GAP, 3), BACKGROUND)
+    return np.hstack([observed, gap, predicted, gap, difference, gap, bar])
+
+
+def panels(
+    observed: Pixels,
+    predicted: Pixels,
+    foreground: Mask,
+    used: Mask,
+    *,
+    exposure: float,
+    scale: float,
+) -> tuple[Display, Display, Display]:
+    """The observed, the predicted and the residual image, cropped to the object."""
     window = _around(foreground)
     observed, predicted, foreground, used = (
         array[window] for array in (observed, predicted, foreground, used)
@@ -100,12 +130,24 @@ def comparison(
     largest = np.argmax(np.abs(residual), axis=-1)[..., None]
     signed = np.take_along_axis(residual, largest, axis=-1)[..., 0]
     differences = np.where(used[..., None], diverging(signed, scale), _stripes(used.shape))
-    panels = [tone(observed, exposure), tone(predicted, exposure), differences]
-    panels[1:] = [np.where(foreground[..., None], panel, BACKGROUND) for panel in panels[1:]]
-    height = used.shape[0]
-    bar = diverging(np.repeat(np.linspace(1, -1, height)[:, None], BAR, axis=1), 1.0)
-    gap = np.full((height, GAP, 3), BACKGROUND)
-    return np.hstack([panels[0], gap, panels[1], gap, panels[2], gap, bar])
+    inside = foreground[..., None]
+    return (
+        tone(observed, exposure),
+        np.where(inside, tone(predicted, exposure), BACKGROUND),
+        np.where(inside, differences, BACKGROUND),
+    )
+
+
+def left_out(foreground: Mask, reasons: Mapping[str, Mask]) -> Display:
+    """Which pixels had no say, cropped as `panels`: the colour of the last of `REASONS` that is true.
+
+    Pixels that were used are light grey, those of the background dark grey.
+    """
+    display = np.where(foreground[..., None], USED, BACKGROUND) * np.ones(3)
+    for reason, colour in REASONS.items():
+        if reason in reasons:
+            display[reasons[reason]] = colour
+    return display[_around(foreground)]
 
 
 def contact_sheet(pictures: Sequence[Display], *, columns: int = 2) -> Display:

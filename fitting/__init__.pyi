@@ -1,4 +1,14 @@
+from .certificate import Certificate as Certificate
+from .comparison import Comparison as Comparison
+from .comparison import compare as compare
 from .estimate import Fit as Fit
 from .estimate import fit as fit
+from .implicit import solve as solve
+from .maps import Maps as Maps
+from .maps import fit_maps as fit_maps
+from .profile import Profile as Profile
 from .residual import Evaluation as Evaluation
 from .residual import evaluate as evaluate
+from .suspects import SuspectImage as SuspectImage
+from .weights import SensorNoise as SensorNoise
+from .weights import Tukey as Tukey

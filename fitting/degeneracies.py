@@ -129,11 +129,15 @@ def _gains(move: Move) -> str | None:
         if move.names == set(move.gains):
             return "these lights light the surface alike: hold the gain of all of them but one"
         return None
-    against = _list(_texts(move.reflected + move.constants))
+    return gain_sentence(move.reflected + move.constants)
+
+
+def gain_sentence(names: tuple[str, ...]) -> str:
+    """Of the lights' gains and what they multiply, where nothing that is held sets their scale."""
     return (
-        f"the lights' gains share one scale with {against}: twice the light on a surface that"
-        " reflects half as much gives the same images: hold one gain at a light that was measured,"
-        " or one of the others"
+        f"the lights' gains share one scale with {_list(_texts(names))}: twice the light on a surface"
+        " that reflects half as much gives the same images: hold one gain at a light that was"
+        " measured, or one of the others"
     )
 
 

@@ -1,8 +1,8 @@
 """The door to fitting: images, surfaces and lights in, a material with its errors out."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,18 +14,26 @@ from jaxtyping import Float
 from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.light.attenuation import AbstractAttenuation, QuadraticAttenuation
+from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.distances import Distances, lit_distances
+from fitting.certificate import Certificate
+from fitting.certificate import certify as prove
+from fitting.clamp import CLEAR, may_show, with_clamp
+from fitting.degeneracies import Seen, highlight_depths
+from fitting.devices import Devices, check_same_input, mesh_over
+from fitting.distances import Distances, lit_distances, share_nearer
+from fitting.gauge import CONSTANTS, gauge_of, lengths, with_attenuation
 from fitting.identify import Unidentified, unidentified
 from fitting.inputs import Photograph, match, views
-from fitting.limits import Bounds, Limits, limits
-from fitting.model import CONSTANTS, Model, coefficient, default_material, held_names, linear_names
+from fitting.likelihood import Likelihood, rounding
+from fitting.limits import Bounds, Grid, Limits, ceiling_grid, limits
+from fitting.model import Model, default_material, held_names, linear_names, model_of
 from fitting.observation import Group, View, group_views, in_precision
+from fitting.profile import Profile, profile
 from fitting.project import Problem
-from fitting.recovered import Recovery, recover
+from fitting.recovered import Recovery, clamped_within, recover
 from fitting.residual import ImageResidual, evaluation, measure, ratio
 from fitting.search import ALL, APART, Found, search
 from fitting.suspects import SuspectImage, suspects
@@ -64,15 +72,17 @@ class Fit:
 
     `material` and `scene` are of the types that were given, a tuple of scenes where several were.
     `coefficients` and `standard_errors` hold arrays by name: "ka", "kd", "specular.0.ks",
-    "specular.0.shininess"; "attenuation.c0" and so on where an attenuation was fitted, and with it
-    what was measured first, "reference.l0" to "l2" and k f(d0) as "reference.kd", at the distance
-    d0 = `reference_distance`, where 1/f(d) = l0 + l1 d/d0 + l2 (d/d0)^2. Standard errors are
-    infinite where the images do not tell; `unidentified` names what is not to be trusted, and why.
+    "specular.0.shininess"; "attenuation.c0" and so on where an attenuation was fitted, and with a
+    quadratic or a linear one what was measured first, "reference.l0" to "l2" and k f(d0) as
+    "reference.kd", at the distance d0 = `reference_distance`, where 1/f(d) is in proportion to
+    l0 + l1 d/d0 + l2 (d/d0)^2. Standard errors are infinite where the images do not tell;
+    `unidentified` names what is not to be trusted, and why.
     `intervals` are those of 95 %, lower and upper end; `correlations` those of all numbers.
     `noise` is the standard deviation of an observation. `relative_residual` is that of `evaluate`;
     beside it stands the `weighted_residual` of a fit that gave its observations weights. `basins`
     are other minima, `suspect_images` those that stand out. `gains` are the factors on the lights
-    of each image, where they were asked for.
+    of each image, where they were asked for. `likelihood` is that of the images, with the number of
+    free parameters and its `bic`, by which models compare (`compare`).
     """
 
     material: Material
@@ -93,6 +103,9 @@ class Fit:
     suspect_images: tuple[SuspectImage, ...] = ()
     weighted_residual: float | None = None
     gains: np.ndarray | None = None
+    certificate: Certificate | None = None
+    profiles: tuple[Profile, ...] = ()
+    likelihood: Likelihood | None = None
 
 
 def fit(
@@ -109,7 +122,10 @@ def fit(
     clipped: ArrayLike | Sequence[ArrayLike] | None = None,
     noise: SensorNoise | None = None,
     gains: bool = False,
+    certify: bool = False,
+    profiles: bool = False,
     solver: optx.AbstractLeastSquaresSolver | None = None,
+    devices: Devices = None,
 ) -> Fit:
     """Recover a material's coefficients from one or many images of known surfaces and lights.
 
@@ -121,15 +137,18 @@ def fit(
       one an image; `scenes`: one for all, or one an image.
     - `material`: which terms and lobes there are, a start for what is searched, and the values of
       what is held. By default diffuse, one Phong lobe, and ambient where a scene has ambient light.
-    - `attenuation`: None takes the scene's as known; `ds.QuadraticAttenuation` (the type) asks for
-      one set of constants shared by all point lights. It is fitted without LIGHT-12's clamp.
+    - `attenuation`: None takes the scene's as known; a type asks for one set of constants shared by
+      all point lights: `ds.QuadraticAttenuation`, `ds.LinearAttenuation`, `ds.ExponentialAttenuation`;
+      or for `ds.InverseSquare`, which has none. A quadratic law is clamped at 1 (LIGHT-12) where that
+      is seen or its scale is known; where it is seen at some points and not at others it sets the
+      scale of the constants, k_d and k_s.
     - `hold`: names of coefficients kept at their value in `material`: "ka", "kd", "specular.ks",
-      "specular.shininess", or "specular.0.ks" for one lobe; and "attenuation.c0", "c1", "c2" at their
+      "specular.shininess", or "specular.0.ks" for one lobe; and "attenuation.c0" and so on at their
       value in the scene's lights.
     - `bounds`: lower and upper by name, by default 0 and 1 for each k (None: unbounded), and 0.1 and
-      100,000 for the shininess (None: these). They hold at every step. With a fitted attenuation
-      k_d and k_s have no scale of their own, and no upper bound, unless one of them or of the
-      constants is held.
+      100,000 for the shininess (None: these). They hold at every step. Beside the
+      constants of a quadratic or linear attenuation k_d and k_s have no scale of their own, and no
+      upper bound, unless one of them or of the constants is held, or the clamp is seen.
     - `valid`: which pixels to use [H, W], one or one an image; by default all of the foreground.
     - `robust`: "tukey" (or `fitting.Tukey(c)`) takes the weight from outliers, such as shadows.
     - `clipped`: observations that a sensor clipped, [H, W] or [H, W, C], one or one an image: they
@@ -137,7 +156,13 @@ def fit(
     - `noise`: a `fitting.SensorNoise`, by which brighter observations may count less.
     - `gains`: whether the lights of each image have an unknown strength beside the scene's; the
       mean over the images is 1, for their common scale cannot be told from k_d and k_s.
+    - `certify`: whether to prove that the minimum is global, where one shininess is all that is
+      searched: `fit.certificate` says what was proven. It takes some hundred passes over the data.
+    - `profiles`: whether to compute the residual over each lobe's shininess, for plots.
     - `solver`: any Optimistix least-squares solver in place of our own bounded one, to compare.
+    - `devices`: JAX devices, or a mesh of them with one axis, to share the pixels out over in blocks
+      of 4096; by default one. They may be those of several processes joined by
+      `jax.distributed.initialize`: all of these call `fit` with the same input, and have the result.
 
     Raises `BadInput` for images, G-buffers, scenes and masks that do not fit together, for images
     that are not finite in a used pixel, and for unknown names.
@@ -150,27 +175,61 @@ def fit(
     20.0
     """
     weighting = _weighting(robust, noise, clipped)
+    mesh = mesh_over(devices)
     photographs = match(images, gbuffer, scenes, valid, clipped)
+    if attenuation is InverseSquare:
+        law = InverseSquare()
+        photographs = [p._replace(scene=with_attenuation(p.scene, law)) for p in photographs]
+    constants = _constants(attenuation)
     seen = views(photographs)
     start = default_material(p.scene for p in photographs) if material is None else material
-    held = held_names(hold, start, attenuated=attenuation is not None)
-    if material is None and held - set(CONSTANTS):
+    held = held_names(hold, start, constants)
+    if material is None and held - set(constants):
         raise BadInput(
-            f"hold names {min(held - set(CONSTANTS))} and no material is given: its value is what is"
+            f"hold names {min(held - set(constants))} and no material is given: its value is what is"
             " kept; give material="
         )
     dtype = seen[0].gbuffer.normal.x.dtype
-    groups, order = group_views(seen)
-    distances = None if attenuation is None else _distances(attenuation, groups)
-    constants = _held_law(held, photographs, distances)
+    surfaces = list({id(p.gbuffer): p.gbuffer for p in photographs}.values())
+    observed = [(p.image, p.scene, p.valid, p.clipped) for p in photographs]
+    options = repr((attenuation, sorted(held), bounds, weighting, gains, type(solver)))
+    check_same_input(mesh, options, surfaces, observed, start)
+    groups, order = group_views(seen, mesh)
+    distances = _distances(groups) if constants else None
     channel_count = photographs[0].image.shape[2]
-    model = _model(start, held, channel_count, distances, constants, dtype)
-    limit = limits(model, held, start, bounds or {}, start_given=material is not None)
+    observations = sum(int((view.weight > 0).sum()) for view in seen) * channel_count
+    model = model_of(start, held, channel_count)
+    if attenuation is not None and distances is not None:
+        gauge = gauge_of(
+            attenuation,
+            jnp.asarray(distances.reference, dtype),
+            fixed := _held_law(attenuation, held, photographs, distances),
+            scale_known=bool(held & set(linear_names(start)) - {"ka"}) or any(fixed),
+        )
+        model = replace(model, gauge=gauge)
     squares = np.array([_square(view) for view in seen])
-    problem = _problem(model, limit, groups, float(squares.sum()), dtype, weighting, gains)
-    found = search(problem, *limit.searched(dtype), solver)
+    square = float(squares.sum())
 
-    solved = replace(problem.model, dependent=found.dependent)
+    def attempt(model: Model, grid: Grid | None = None) -> _Attempt:
+        limit = limits(model, held, start, bounds or {}, start_given=material is not None)
+        limit = limit if grid is None else replace(limit, grid=grid)
+        problem = _problem(model, limit, groups, square, dtype, weighting, gains)
+        found = search(problem, *limit.searched(dtype), solver)
+        searched = replace(problem.model, dependent=found.dependent).direction_count
+        parameters = int((~limit.held).sum()) + searched + 1  # the noise
+        parameters += sum(len(group.weight) for group in groups) - 1 if gains else 0
+        cost = float(found.at.cost)
+        likelihood = Likelihood.of(cost, rounding(square, dtype), parameters, observations)
+        return _Attempt(limit, problem, found, likelihood)
+
+    best = attempt(model)
+    if distances is not None:
+        best = _clamped(attempt, best, distances)
+    limit, problem, found = best.limit, best.problem, best.found
+    model = problem.model
+    solved = replace(model, dependent=found.dependent)
+    _, box = limit.searched(dtype)
+    drawn = len(model.searched) if profiles else 0
     nearest = None if distances is None else jnp.asarray(distances.nearest, dtype)
     recovery = Recovery(solved, jnp.asarray(limit.natural_upper, dtype), nearest)
     recovered, law, coefficients = recover(recovery, found.at.k, found.u)
@@ -180,9 +239,9 @@ def fit(
         lit = [_brighter(scene, g) for scene, g in zip(lit, gain, strict=True)]
     values = {name: np.asarray(value) for name, value in coefficients.items()}
     free = {n: v for n, v in values.items() if n not in held}
-    observations = sum(int((view.weight > 0).sum()) for view in seen) * channel_count
     known = np.concatenate([limit.held.ravel(), solved.known])
-    scale = None if found.judge is None or weighting.robust is None else float(found.judge.scale)
+    judge = found.judge
+    scale = float(judge.scale) if judge is not None and judge.weighting.robust else None
     uncertainty = propagate(
         found.at,
         found.u,
@@ -191,6 +250,7 @@ def fit(
         recovery.coefficients,
         bounds=limit.edges,
         noise=scale,
+        gains=found.at.gains,
     )
     left = np.maximum(np.asarray(found.at.image_cost), 0).astype(float)[np.argsort(order)]
     if weighting is None:
@@ -207,8 +267,9 @@ def fit(
             free,
             uncertainty,
             max(float(np.max(view.observed, initial=0.0)) for view in seen),
-            scaled=law is not None and not model.scaled,
-            clamped=recovery.exceeds_one(np.asarray(found.u)),
+            scaled=model.gauge is not None and model.gauge.floating,
+            gains=() if gain is None else tuple(f"gain.{k}" for k in range(len(gain))),
+            seen=_seen(model, found, distances, groups),
         ),
         relative_residual=measured.relative_residual,
         fraction_excluded=measured.fraction_excluded,
@@ -216,14 +277,44 @@ def fit(
         noise=uncertainty.noise,
         converged=bool(found.converged),
         steps=int(found.steps),
-        reference_distance=None if distances is None else distances.reference,
+        reference_distance=distances.reference if distances and "reference.l0" in values else None,
         intervals={n: i for n, i in uncertainty.intervals.items() if n in free},
         correlations=Correlations(uncertainty.numbers, uncertainty.correlations),
         basins=_basins(found, solved, float(squares.sum()), uncertainty.noise),
         suspect_images=suspects(measured.per_image),
         weighted_residual=None if weighting is None else ratio(left.sum(), squares.sum()),
         gains=gain,
+        certificate=prove(problem, found, box) if certify else None,
+        profiles=tuple(profile(problem, found, box, which=k) for k in range(drawn)),
+        likelihood=best.likelihood,
     )
+
+
+class _Attempt(NamedTuple):
+    """One model searched: its limits, the problem, the minimum, and how likely that is."""
+
+    limit: Limits
+    problem: Problem
+    found: Found
+    likelihood: Likelihood
+
+
+def _clamped(
+    attempt: Callable[[Model, Grid], _Attempt], plain: _Attempt, distances: Distances
+) -> _Attempt:
+    """The fit with LIGHT-12's clamp, where the images show it at some points and not at others."""
+    model, likelihood = with_clamp(plain.problem.model), plain.likelihood
+    cost, dtype = float(plain.found.at.cost), plain.found.u.dtype
+    if model is None or cost <= rounding(float(plain.problem.norm) ** 2, dtype):
+        return plain
+    noise = (cost / likelihood.observations) ** 0.5
+    if not may_show(plain.problem, plain.found, distances, noise):
+        return plain
+    u = np.asarray(plain.found.u, float)
+    clamped = attempt(model, ceiling_grid(model, u, distances.nearest, distances.farthest))
+    within = clamped_within(clamped.problem.model, np.asarray(clamped.found.u))
+    partly = distances.nearest < within < distances.farthest
+    return clamped if partly and clamped.likelihood.bic + CLEAR < likelihood.bic else plain
 
 
 def _weighting(
@@ -266,12 +357,24 @@ def _brighter(scene: Scene, gain: float) -> Scene:
     return Scene(scene.ambient, lights)
 
 
+def _seen(model: Model, found: Found, distances: Distances | None, groups: Sequence[Group]) -> Seen:
+    """What helps to say why something is not told."""
+    plain = model.column_count - len(model.material.specular)
+    information, k = np.asarray(found.at.information), np.asarray(found.at.k)
+    depths = highlight_depths(information, k, plain, model.searched)
+    if distances is None:
+        return Seen(depths=depths)
+    within = clamped_within(model, np.asarray(found.u))
+    clamped = share_nearer(groups, within) if within > distances.nearest else 0.0
+    return Seen(distances.nearest, distances.farthest, clamped, depths)
+
+
 def _square(view: View) -> float:
     """|observed|^2 over the used pixels."""
     return float(np.einsum("pc,pc,p->", view.observed, view.observed, view.weight, dtype=float))
 
 
-def _relit(scene: Scene, law: QuadraticAttenuation) -> Scene:
+def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:
     """The scene with an attenuation that is known to be valid: nothing is checked or converted."""
     return eqx.tree_at(
         lambda s: [x.attenuation for x in s.lights if isinstance(x, PointLight)],
@@ -281,63 +384,51 @@ def _relit(scene: Scene, law: QuadraticAttenuation) -> Scene:
     )
 
 
-def _model(
-    start: Material,
-    held: frozenset[str],
-    channel_count: int,
-    distances: Distances | None,
-    held_law: tuple[float | None, ...],
-    dtype: jnp.dtype,
-) -> Model:
-    if any(leaf.ndim > 1 for leaf in jax.tree.leaves(start)):
-        raise BadInput("the material holds maps: give fit one number, or one a channel")
-    searched = tuple(j for j in range(len(start.specular)) if f"specular.{j}.shininess" not in held)
-    if any(coefficient(start, f"specular.{j}.shininess").ndim for j in searched):
+def _constants(attenuation: type[AbstractAttenuation] | None) -> tuple[str, ...]:
+    """The names of what is unknown of a law that is asked for."""
+    if attenuation is None:
+        return ()
+    if not isinstance(attenuation, type) or attenuation not in CONSTANTS:
+        types = ", ".join(f"ds.{law.__name__}" for law in CONSTANTS)
         raise BadInput(
-            "the shininess has one number a channel: fit searches one for all, or hold it"
+            f"attenuation is {attenuation!r}: give one of the types {types} to fit it, or None to"
+            " take the scene's as known"
         )
-    return Model(
-        material=start,
-        searched=searched,
-        channel_count=channel_count,
-        distance=None if distances is None else jnp.asarray(distances.reference, dtype),
-        scaled=distances is not None
-        and (bool(held & set(linear_names(start)) - {"ka"}) or any(held_law)),
-        held_law=held_law,
-    )
+    return tuple(f"attenuation.{name}" for name in CONSTANTS[attenuation])
 
 
 def _held_law(
-    held: frozenset[str], photographs: Sequence[Photograph], distances: Distances | None
+    attenuation: type[AbstractAttenuation],
+    held: frozenset[str],
+    photographs: Sequence[Photograph],
+    distances: Distances,
 ) -> tuple[float | None, ...]:
-    """l0, l1, l2 of the constants that are held, at the value that the scene's lights give them."""
-    if distances is None or not held & set(CONSTANTS):
-        return (None, None, None)
+    """Those constants of the law that are held, at the value that the scene's lights give them."""
+    constants = CONSTANTS[attenuation]
+    named = held & set(_constants(attenuation))
+    if not named:
+        return (None,) * len(constants)
     laws = [
         light.attenuation
         for photograph in photographs
         for light in photograph.scene.lights
-        if isinstance(light, PointLight) and isinstance(light.attenuation, QuadraticAttenuation)
+        if isinstance(light, PointLight) and isinstance(light.attenuation, attenuation)
     ]
     if not laws:
         raise BadInput(
-            f"hold names {min(held & set(CONSTANTS))}, and no light of the scene has a"
-            " QuadraticAttenuation, whose value is what is kept"
+            f"hold names {min(named)}, and no light of the scene has a {attenuation.__name__},"
+            " whose value is what is kept"
         )
-    constants = (laws[0].c0, laws[0].c1, laws[0].c2)
     return tuple(
-        float(value) * distances.reference**power if name in held else None
-        for power, (name, value) in enumerate(zip(CONSTANTS, constants, strict=True))
+        float(getattr(laws[0], name)) * distances.reference ** lengths(name)
+        if f"attenuation.{name}" in held
+        else None
+        for name in constants
     )
 
 
-def _distances(attenuation: type[AbstractAttenuation], groups: Sequence[Group]) -> Distances:
+def _distances(groups: Sequence[Group]) -> Distances:
     """How far the lit points lie from the lights whose attenuation is asked for."""
-    if attenuation is not QuadraticAttenuation:
-        raise BadInput(
-            f"attenuation is {attenuation!r}: give the type ds.QuadraticAttenuation to fit its"
-            " constants, or None to take the scene's as known"
-        )
     for group in groups:
         points = any(isinstance(light, PointLight) for light in group.scenes.lights)
         if points and group.blocks.position is None:

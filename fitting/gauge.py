@@ -7,61 +7,240 @@ reference distance d0, the geometric mean distance between lights and surface, t
 
 The triangle of (l0, l1, l2) holds no attenuation (1, 0, 0), pure inverse square (0, 0, 1) and all
 between. The search moves two of the three, each bounded by 0; the third, the largest, makes up the sum,
-so that no edge or corner of the triangle is special. Where k_d or a k_s is held the scale is no longer
-free, the sum is f(d0)^-1, and all three move.
+so that no edge or corner of the triangle is special. A linear law is the edge l2 = 0.
+
+The scale is known where k_d, a k_s or one of c0, c1, c2 is held, and where LIGHT-12's clamp
+min(f, 1) is seen to act at some points and not at others (`fitting.clamp`). Then the sum of l is
+f(d0)^-1, all of them move, and the clamp is part of the law.
 """
 
+from abc import abstractmethod
+from functools import cache
+from typing import Any
+
+import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.light.attenuation import AbstractAttenuation
+from diffshade.light.attenuation import (
+    AbstractAttenuation,
+    ExponentialAttenuation,
+    InverseSquare,
+    LinearAttenuation,
+    QuadraticAttenuation,
+)
 from diffshade.light.base import AbstractLight
 from diffshade.light.point import PointLight
 from diffshade.scene import Scene
 
-__all__ = ["ReferenceAttenuation", "with_attenuation"]
+__all__ = [
+    "CONSTANTS",
+    "AbstractGauge",
+    "ExponentialGauge",
+    "PolynomialGauge",
+    "ReferenceAttenuation",
+    "gauge_of",
+    "lengths",
+    "with_attenuation",
+]
 
 Number = Float[Array, ""]
+Node = tuple[tuple[int, ...], tuple[float, ...]]
+"""Where on the axes of a grid, and the unknowns there: neighbours differ by one at the most."""
+
+CONSTANTS: dict[type[AbstractAttenuation], tuple[str, ...]] = {
+    QuadraticAttenuation: ("c0", "c1", "c2"),
+    LinearAttenuation: ("c0", "c1"),
+    ExponentialAttenuation: ("a",),
+    InverseSquare: (),
+}
+"""The laws that can be asked for, and what is unknown of each."""
+
+THIRDS = 3
+"""Steps along an edge of the triangle: its corners, its edges, its middle."""
+GAIN_NODES = tuple(np.geomspace(1e-3, 1e2, 6).tolist())
+"""Of f at the reference distance, where the scale is known."""
+CEILING_NODES = 16
+"""Of the clamp, between f at the farthest and at the nearest point."""
+ABSORPTION_NODES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Of a d0."""
+
+
+class AbstractGauge(eqx.Module):
+    """A law of attenuation whose constants are searched, as numbers without a unit: v.
+
+    `distance` is d0, by which lengths are measured. `held` has the values of v that are known.
+    """
+
+    distance: eqx.AbstractVar[Number]
+    held: eqx.AbstractVar[tuple[float | None, ...]]
+
+    @property
+    def size(self) -> int:
+        """How many constants the law has."""
+        return len(self.held)
+
+    @property
+    @abstractmethod
+    def floating(self) -> bool:
+        """Whether v has no scale of its own, so that one of its free entries makes up a sum of 1."""
+
+    @property
+    @abstractmethod
+    def nodes(self) -> tuple[Node, ...]:
+        """A coarse grid over v."""
+
+    @property
+    @abstractmethod
+    def middle(self) -> tuple[float, ...]:
+        """Where a search starts that is given a material."""
+
+    @abstractmethod
+    def law(self, v: Float[Array, "s"]) -> AbstractAttenuation:
+        """The law that is fitted."""
+
+    @abstractmethod
+    def reported(self, v: Float[Array, "s"], scale: Number) -> AbstractAttenuation:
+        """The law as the texts write it, 1/f times the `scale` by which k_d and k_s are multiplied."""
+
+    @abstractmethod
+    def shares(self, v: Float[Array, "s"]) -> tuple[Number, ...]:
+        """l0, l1, ... as parts of their sum, of a law that has them."""
+
+    @abstractmethod
+    def named(self, v: Float[np.ndarray, "s"]) -> dict[str, float]:
+        """What is searched, by name."""
+
+
+class PolynomialGauge(AbstractGauge):
+    """1/f(d) = l0 + l1 t, or l0 + l1 t + l2 t^2; the latter clamped where its scale is known."""
+
+    distance: Number
+    held: tuple[float | None, ...] = eqx.field(static=True)
+    scale_known: bool = eqx.field(static=True, default=False)
+
+    @property
+    def floating(self) -> bool:
+        return not self.scale_known
+
+    @property
+    def clamped(self) -> bool:
+        """Whether LIGHT-12's clamp is part of the law: a linear one has none."""
+        return self.scale_known and self.size == len(CONSTANTS[QuadraticAttenuation])
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        return _polynomial_nodes(self.size, (1.0,) if self.floating else GAIN_NODES)
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        return (1 / self.size,) * self.size
+
+    def law(self, v: Float[Array, "s"]) -> "ReferenceAttenuation":
+        return ReferenceAttenuation(v, self.distance, self.clamped)
+
+    def reported(self, v: Float[Array, "s"], scale: Number) -> AbstractAttenuation:
+        constants = (scale * l / self.distance**k for k, l in enumerate(v))
+        return QuadraticAttenuation(*constants) if self.size == 3 else LinearAttenuation(*constants)
+
+    def shares(self, v: Float[Array, "s"]) -> tuple[Number, ...]:
+        gain = guard.reciprocal(jnp.sum(v))
+        return tuple(l * gain for l in v)
+
+    def named(self, v: Float[np.ndarray, "s"]) -> dict[str, float]:
+        return {f"reference.l{k}": float(l) for k, l in enumerate(v)}
+
+    def ceiling_nodes(self, nearest: float, farthest: float) -> tuple[Node, ...]:
+        """A grid over laws whose clamp acts at some of the distances: at each law, where it begins."""
+        nodes = []
+        for number, law in _polynomial_nodes(self.size, (1.0,))[1:]:  # all but the law that is flat
+            ends = [_polynomial(law, d / float(self.distance)) for d in (nearest, farthest)]
+            # The law q p(t) is 1, where the clamp begins, between the nearest and the farthest point.
+            for c in range(CEILING_NODES):
+                part = (c + 0.5) / CEILING_NODES
+                scale = 1 / (ends[0] ** (1 - part) * ends[1] ** part)
+                nodes.append(((*number, c), tuple(scale * l for l in law)))
+        return tuple(nodes)
+
+
+class ExponentialGauge(AbstractGauge):
+    """f(d) = exp(-b t), b = a d0: its scale is known."""
+
+    distance: Number
+    held: tuple[float | None, ...] = eqx.field(static=True)
+
+    @property
+    def floating(self) -> bool:
+        return False
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        return tuple(((number,), (b,)) for number, b in enumerate(ABSORPTION_NODES))
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        return (0.5,)
+
+    def law(self, v: Float[Array, "s"]) -> ExponentialAttenuation:
+        return ExponentialAttenuation(v[0] / self.distance)
+
+    def reported(self, v: Float[Array, "s"], scale: Number) -> AbstractAttenuation:
+        del scale  # is 1
+        return self.law(v)
+
+    def shares(self, v: Float[Array, "s"]) -> tuple[Number, ...]:
+        del v
+        return ()
+
+    def named(self, v: Float[np.ndarray, "s"]) -> dict[str, float]:
+        return {"attenuation.a": float(v[0]) / float(self.distance)}
+
+
+def gauge_of(
+    law: type[AbstractAttenuation],
+    distance: Number,
+    held: tuple[float | None, ...],
+    *,
+    scale_known: bool,
+) -> AbstractGauge:
+    """The gauge of a law that has something unknown."""
+    if law is ExponentialAttenuation:
+        return ExponentialGauge(distance, held)
+    return PolynomialGauge(distance, held, scale_known)
+
+
+def lengths(constant: str) -> int:
+    """How often the unit of length divides a constant: v is the constant times d0 to this power."""
+    return {"c0": 0, "c1": 1, "c2": 2, "a": 1}[constant]
 
 
 class ReferenceAttenuation(AbstractAttenuation):
-    """f(d) = 1 / (l0 + l1 t + l2 t^2), t = d / distance, with l >= 0; not clamped."""
+    """f(d) = 1 / (l0 + l1 t + l2 t^2 ...), t = d / distance, with l >= 0; `clamped` at 1 or not."""
 
-    l0: Number
-    l1: Number
-    l2: Number
+    l: Float[Array, "s"]
     distance: Number
+    clamped: bool = eqx.field(static=True, default=False)
 
     @property
     def gain(self) -> Number:
-        """f at the reference distance."""
-        return guard.reciprocal(self.l0 + self.l1 + self.l2)
-
-    @property
-    def shares(self) -> tuple[Number, Number, Number]:
-        """l0, l1, l2 as parts of their sum."""
-        return self.l0 * self.gain, self.l1 * self.gain, self.l2 * self.gain
+        """f at the reference distance, not clamped."""
+        return guard.reciprocal(jnp.sum(self.l))
 
     def __call__(self, d: Float[Array, "..."]) -> Float[Array, "..."]:
-        t = d / self.distance
-        return guard.reciprocal(self.l0 + t * (self.l1 + t * self.l2))
+        inverse = _polynomial(tuple(self.l), d / self.distance)
+        return 1 / jnp.where(inverse < 1, 1, inverse) if self.clamped else guard.reciprocal(inverse)
 
-    def constants(self, scale: Number) -> tuple[Number, Number, Number]:
-        """c0, c1, c2 of LIGHT-12, times `scale`, which k_d and k_s are to be multiplied by too."""
-        d = self.distance
-        return scale * self.l0, scale * self.l1 / d, scale * self.l2 / (d * d)
-
-    def natural_scale(self, nearest: Number, largest: Number) -> Number:
-        """The common scale of c0, c1, c2, k_d and k_s, which no image can tell: a convention.
+    def natural_scale(self, least: Number, largest: Number) -> Number:
+        """The common scale of the constants, k_d and k_s, which no image can tell: a convention.
 
         It makes c0 = 1 where that can be: where there is an l0, and where no coefficient is pushed
         past its upper bound (`largest` is the largest, over its bound, before scaling). Otherwise
-        the coefficients grow as far as their bounds; and never so little that LIGHT-12's clamp,
-        which was not part of what was fitted, would act at the `nearest` distance.
+        the coefficients grow as far as their bounds; and never under `least`, at which LIGHT-12's
+        clamp, which was not part of what was fitted, would begin to act at the nearest point.
         """
-        least = self(nearest)
-        wanted = jnp.where(self.l0 > 0, guard.reciprocal(self.l0), jnp.inf)
+        wanted = jnp.where(self.l[0] > 0, guard.reciprocal(self.l[0]), jnp.inf)
         most = jnp.where(largest > 0, guard.reciprocal(largest), jnp.inf)
         scale = jnp.minimum(wanted, most)
         return jnp.maximum(jnp.where(jnp.isfinite(scale), scale, self.gain), least)
@@ -76,3 +255,23 @@ def with_attenuation(scene: Scene, attenuation: AbstractAttenuation) -> Scene:
         return PointLight(light.position, light.intensity, attenuation)
 
     return Scene(scene.ambient, tuple(attenuated(light) for light in scene.lights))
+
+
+def _polynomial(l: tuple[Any, ...], t: Any) -> Any:
+    """l0 + t (l1 + t (l2 + ...)), of numbers or arrays."""
+    *lower, value = l
+    for constant in reversed(lower):
+        value = constant + t * value
+    return value
+
+
+@cache
+def _polynomial_nodes(size: int, gains: tuple[float, ...]) -> tuple[Node, ...]:
+    """Thirds of the simplex of l, for each f at the reference distance; the flat law first."""
+    steps = np.indices((THIRDS + 1,) * size).reshape(size, -1).T[::-1]
+    steps = steps[steps.sum(axis=1) == THIRDS]
+    return tuple(
+        ((*map(int, step), g), tuple((step / THIRDS / gain).tolist()))
+        for g, gain in enumerate(gains)
+        for step in steps
+    )

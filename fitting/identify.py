@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.degeneracies import SEEN_NOTHING, Move, Seen, say, scale_sentence
+from fitting.degeneracies import SEEN_NOTHING, Move, Seen, gain_sentence, say, scale_sentence
 from fitting.null_space import sparse_basis
 from fitting.uncertainty import Uncertainty
 
@@ -33,9 +33,9 @@ CLAMPED = (
     "f is clamped at 1 at every lit point, which tells only that c0 + c1 d + c2 d^2 <= 1 there: move"
     " the lights away, or hold the constants"
 )
-EXCEEDS = (
-    "they make f exceed 1 at the nearest points, where LIGHT-12 clamps it and the fit does not: leave"
-    " those points out by `valid`, or do not hold what sets the scale"
+FLAT = (
+    "f is the same at every lit point: without attenuation, or clamped at 1 everywhere, which would"
+    " tell only that c0 + c1 d + c2 d^2 <= 1 there: move the lights away, or hold the constants"
 )
 
 
@@ -53,15 +53,15 @@ def unidentified(
     brightest: float,
     *,
     scaled: bool = False,
-    clamped: bool = False,
+    gains: tuple[str, ...] = (),
     seen: Seen = SEEN_NOTHING,
 ) -> tuple[Unidentified, ...]:
     """Judge every coefficient in `values`, those that are not held.
 
     `brightest` is the images' maximum. `scaled` says that attenuation constants were fitted, and that
     nothing held sets the scale that they share with k_d and k_s; then those at the reference distance
-    are judged. `clamped` says that a law whose scale is known exceeds 1 where the fit does not clamp
-    it. `seen` helps to say why.
+    are judged. `gains` names the lights' gains where these were fitted to a mean of 1, a convention, and
+    nothing that is held sets their scale. `seen` helps to say why.
     """
     # A clamp that is seen to act at some points and not at others sets the scale; at all, tells no c.
     scaled = scaled and seen.clamped == 0
@@ -72,10 +72,12 @@ def unidentified(
     laws = tuple(name for name in values if name in CONSTANTS)
     if seen.clamped >= 1 and laws:
         found.append(Unidentified(laws, CLAMPED))
-    if clamped:
-        found.append(Unidentified(laws, EXCEEDS))
+    if scaled and _is_flat(values, uncertainty, max(NOISE * brightest, uncertainty.noise)):
+        found.append(Unidentified(laws, FLAT))
+    plain = tuple(n for n in values if _is_linear(n) and n != "ka" and "reference" not in n)
+    if gains:
+        found.append(Unidentified((*plain, *gains), gain_sentence(plain)))
     if scaled:
-        plain = tuple(n for n in values if _is_linear(n) and n != "ka" and "reference" not in n)
         found.append(Unidentified((*plain, *laws), scale_sentence((*plain, *laws))))
     return tuple(found)
 
@@ -200,7 +202,8 @@ def _sizes(
             sizes[name] = np.maximum(sizes[name], EVEN)
         elif name in CONSTANTS and seen.nearest is not None and seen.farthest is not None:
             d = np.sqrt(seen.nearest * seen.farthest)
-            total = sum(float(everything[c]) * d**k for k, c in enumerate(CONSTANTS))
+            # A linear law has no c2.
+            total = sum(float(everything.get(c, 0)) * d**k for k, c in enumerate(CONSTANTS))
             sizes[name] = np.maximum(sizes[name], EVEN * total / d ** CONSTANTS.index(name))
     return {name: np.asarray(size) for name, size in sizes.items()}
 
@@ -212,6 +215,15 @@ def _is_judged(name: str, values: Mapping[str, np.ndarray], scaled: bool) -> boo
     if name in CONSTANTS:
         return not scaled
     return not (scaled and f"reference.{name}" in values)
+
+
+def _is_flat(values: Mapping[str, np.ndarray], uncertainty: Uncertainty, noise: float) -> bool:
+    """Whether a quadratic law is known not to fall with the distance."""
+    errors = [noise * uncertainty.unit_errors.get(f"reference.l{k}", np.inf) for k in (1, 2)]
+    return bool(
+        max(errors) <= TOLERANCE * EVEN
+        and all(values[f"reference.l{k}"] <= 2 * error for k, error in enumerate(errors, 1))
+    )
 
 
 def _rank(name: str) -> int:

@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from diffshade.arrays import ArrayLike
+from diffshade.arrays import ArrayLike, is_concrete
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.scene import Scene
 from fitting.observation import View
 
-__all__ = ["Photograph", "match", "views"]
+__all__ = ["Photograph", "match", "traced_views", "views"]
 
 
 class Photograph(NamedTuple):
@@ -38,7 +39,7 @@ def match(
     clipped: ArrayLike | Sequence[ArrayLike] | None = None,
 ) -> list[Photograph]:
     """One photograph for every image; what is given once serves all."""
-    pictures = _images(images)
+    pictures = [np.asarray(picture) for picture in _images(images)]
     count = len(pictures)
     surfaces = _one_each(gbuffer, GBuffer, count, "G-buffers")
     lights = _one_each(scenes, Scene, count, "scenes")
@@ -48,8 +49,6 @@ def match(
         _photograph(k, *each)
         for k, each in enumerate(zip(pictures, surfaces, lights, masks, limits, strict=True))
     ]
-    if len(channels := {p.image.shape[2] for p in photographs}) > 1:
-        raise BadInput(f"the images have {sorted(channels)} channels: give all the same number")
     if not any(p.valid.any() for p in photographs):
         raise BadInput("no pixel is left to fit: every one is masked out, clipped or background")
     return photographs
@@ -60,6 +59,40 @@ def views(photographs: Sequence[Photograph]) -> list[View]:
     return [_view(photograph) for photograph in photographs]
 
 
+def traced_views(
+    images: ArrayLike | Sequence[ArrayLike],
+    gbuffer: GBuffer | Sequence[GBuffer],
+    scenes: Scene | Sequence[Scene],
+    valid: ArrayLike | Sequence[ArrayLike] | None,
+) -> list[View]:
+    """What `views(match(...))` gives, of arrays that may be traced: their values are not looked at."""
+    pictures = _images(images)
+    count = len(pictures)
+    surfaces = _one_each(gbuffer, GBuffer, count, "G-buffers")
+    lights = _one_each(scenes, Scene, count, "scenes")
+    masks = _masks(valid, count, "valid masks", (2,))
+    return [
+        _traced_view(k, *each)
+        for k, each in enumerate(zip(pictures, surfaces, lights, masks, strict=True))
+    ]
+
+
+def _traced_view(k: int, image: Any, gbuffer: GBuffer, scene: Scene, valid: Any) -> View:
+    _check_sizes(k, image, gbuffer, valid)
+    dtype = gbuffer.normal.x.dtype
+    xp: Any = np if is_concrete((valid, gbuffer.index)) else jnp
+
+    def foreground(plane: Any) -> Any:
+        flat = plane.reshape(-1, *plane.shape[2:])
+        return flat if gbuffer.index is None else flat[xp.asarray(gbuffer.index)]
+
+    inside = np.ones(gbuffer.shape, bool) if valid is None else xp.asarray(valid, bool)
+    used = foreground(xp.asarray(inside))
+    # Whatever lies outside the mask, NaN included, must not reach a derivative either.
+    observed = jnp.where(used[:, None], foreground(jnp.asarray(image, dtype)), 0)
+    return View(gbuffer, scene, observed, used.astype(dtype))
+
+
 def _view(photograph: Photograph) -> View:
     image, gbuffer, scene, valid, clipped = photograph
     inside = gbuffer.mask
@@ -67,18 +100,22 @@ def _view(photograph: Photograph) -> View:
     return View(gbuffer, scene, image[inside], weight, None if clipped is None else clipped[inside])
 
 
-def _images(images: Any) -> list[np.ndarray]:
+def _images(images: Any) -> list[Any]:
     single = hasattr(images, "ndim")
-    pictures = [np.asarray(images)] if single else [np.asarray(image) for image in images]
+    several = [images] if single else list(images)
+    pictures = [np.asarray(each) if is_concrete(each) else each for each in several]
     if not pictures:
         raise BadInput("no images are given: give at least one")
     for k, picture in enumerate(pictures):
-        if picture.ndim not in (2, 3) or not np.issubdtype(picture.dtype, np.floating):
+        if picture.ndim not in (2, 3) or not jnp.issubdtype(picture.dtype, jnp.floating):
             raise BadInput(
                 f"image {k} has shape {picture.shape} and type {picture.dtype}: give linear radiance"
                 " as floats, [H, W] or [H, W, C]"
             )
-    return [p[..., None] if p.ndim == 2 else p for p in pictures]
+    pictures = [p[..., None] if p.ndim == 2 else p for p in pictures]
+    if len(channels := {p.shape[2] for p in pictures}) > 1:
+        raise BadInput(f"the images have {sorted(channels)} channels: give all the same number")
+    return pictures
 
 
 def _one_each(given: Any, kind: type, count: int, what: str) -> list[Any]:
@@ -107,19 +144,10 @@ def _masks(given: Any, count: int, what: str, dimensions: tuple[int, ...]) -> li
 def _photograph(
     k: int, image: np.ndarray, gbuffer: GBuffer, scene: Scene, valid: Any, clipped: Any
 ) -> Photograph:
-    if image.shape[:2] != gbuffer.shape:
-        raise BadInput(
-            f"image {k} is {image.shape[:2]} pixels and its G-buffer {gbuffer.shape}: sizes must match"
-        )
+    _check_sizes(k, image, gbuffer, valid)
     inside = gbuffer.mask
     if valid is not None:
-        mask = np.asarray(valid, bool)
-        if mask.shape != gbuffer.shape:
-            raise BadInput(
-                f"the valid mask of image {k} is {mask.shape} pixels, the image"
-                f" {gbuffer.shape}: sizes must match"
-            )
-        inside = inside & mask
+        inside = inside & np.asarray(valid, bool)
     limits = None
     if clipped is not None:
         limits = np.asarray(clipped, bool)
@@ -136,3 +164,15 @@ def _photograph(
             f"image {k} holds NaN or infinity in a used pixel: leave those out by `valid`"
         )
     return Photograph(np.where(inside[..., None], image, 0), gbuffer, scene, inside, limits)
+
+
+def _check_sizes(k: int, image: Any, gbuffer: GBuffer, valid: Any) -> None:
+    if image.shape[:2] != gbuffer.shape:
+        raise BadInput(
+            f"image {k} is {image.shape[:2]} pixels and its G-buffer {gbuffer.shape}: sizes must match"
+        )
+    if valid is not None and np.shape(valid) != gbuffer.shape:
+        raise BadInput(
+            f"the valid mask of image {k} is {np.shape(valid)} pixels, the image"
+            f" {gbuffer.shape}: sizes must match"
+        )

@@ -1,6 +1,6 @@
 """Bounds on every coefficient, and where the search may look."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -11,9 +11,10 @@ from jaxtyping import Array, Bool, Float
 
 from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
+from fitting.gauge import Node, PolynomialGauge
 from fitting.model import Model, coefficient, full_names, linear_names, shininess_names
 
-__all__ = ["Bounds", "Grid", "Limits", "limits"]
+__all__ = ["Bounds", "Grid", "Limits", "ceiling_grid", "limits"]
 
 Bound = float | int | None
 Bounds = Mapping[str, tuple[Bound, Bound]]
@@ -23,10 +24,6 @@ REFLECTED = (0.0, 1.0)
 SHININESS = (0.1, 1e5)
 
 SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
-# The triangle of attenuations, thirds of (l0, l1, l2): its corners, its edges, its middle.
-ATTENUATION_STEPS = tuple((i, j, 3 - i - j) for i in range(4) for j in range(4 - i))
-GAIN_NODES = np.geomspace(1e-3, 1e2, 6)
-"""Of f at the reference distance, where the scale is known."""
 
 
 class Grid(NamedTuple):
@@ -74,7 +71,8 @@ def limits(
     columns = [_column(name, name in held, start, given, model.channel_count) for name in names]
     lower, natural = np.array(columns, float).reshape(-1, 2, model.channel_count).transpose(1, 2, 0)
     is_held = np.tile([name in held for name in names], (model.channel_count, 1))
-    floating = model.distance is not None and not model.scaled
+    gauge = model.gauge
+    floating = gauge is not None and gauge.floating
     open_above = np.array([floating and name != "ka" for name in names]) & (natural != 0)
     upper = np.where(open_above, np.inf, natural)
 
@@ -87,10 +85,10 @@ def limits(
                 f"bounds of specular.{j}.shininess are {low:g} to {high:g}: give 0 < lower <= upper"
             )
         edges.append((np.log(low), np.log(high)))
-    if model.distance is not None:
-        edges += [(0.0, np.inf) if held is None else (held, held) for held in model.held_law]
+    if gauge is not None:
+        edges += [(0.0, np.inf) if value is None else (value, value) for value in gauge.held]
     box = np.array(edges, float).reshape(-1, 2).T
-    grid = _grid(len(model.searched), model.distance is not None, model.scaled)
+    grid = _grid(len(model.searched), None if gauge is None else gauge.nodes)
     if start_given:
         # Where the start is the lowest of all it is a basin of its own.
         nodes = np.concatenate([grid.nodes, _start(model, start)[None]])
@@ -129,7 +127,7 @@ def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bou
 
 
 @cache
-def _grid(lobe_count: int, attenuated: bool, scaled: bool) -> Grid:
+def _grid(lobe_count: int, laws: tuple[Node, ...] | None) -> Grid:
     """Coarse nodes over u; of two lobes the first is the sharper."""
     # What is varied, by its number on the axis: adjacent nodes differ by one at the most.
     steps: list[tuple[int, ...]] = [()]
@@ -137,15 +135,22 @@ def _grid(lobe_count: int, attenuated: bool, scaled: bool) -> Grid:
         axis = range(len(SHININESS_NODES))
         steps = [(*node, n) for node in steps for n in axis if not node or n < node[-1]]
     values = [tuple(SHININESS_NODES[n] for n in node) for node in steps]
-    if attenuated:
-        gains = GAIN_NODES if scaled else np.ones(1)
-        laws = [
-            ((*law, g), tuple(np.array(law) / 3 / gain))
-            for g, gain in enumerate(gains)
-            for law in ATTENUATION_STEPS
-        ]
+    if laws is not None:
         values = [(*node, *law) for node in values for _, law in laws]
         steps = [(*node, *number) for node in steps for number, _ in laws]
+    return _grid_of(steps, values)
+
+
+def ceiling_grid(model: Model, u: Float[np.ndarray, "q"], nearest: float, farthest: float) -> Grid:
+    """Over attenuations whose clamp acts at some of the distances; the lobes stay at those of u."""
+    assert isinstance(model.gauge, PolynomialGauge)
+    lobes = tuple(u[: len(model.searched)].tolist())
+    numbers, laws = zip(*model.gauge.ceiling_nodes(nearest, farthest), strict=True)
+    return _grid_of(numbers, [(*lobes, *law) for law in laws])
+
+
+def _grid_of(steps: Sequence[tuple[int, ...]], values: Sequence[tuple[float, ...]]) -> Grid:
+    """Nodes; those are next to each other whose numbers on the axes differ by one at the most."""
     count = len(steps)
     at = np.array(steps, int).reshape(count, -1)
     adjacent = (np.abs(at[:, None] - at[None]) <= 1).all(-1)
@@ -155,5 +160,5 @@ def _grid(lobe_count: int, attenuated: bool, scaled: bool) -> Grid:
 def _start(model: Model, start: Material) -> np.ndarray:
     """The u of the material as given; an attenuation starts in the middle of its triangle."""
     lobes = [np.log(float(coefficient(start, f"specular.{j}.shininess"))) for j in model.searched]
-    law = [] if model.distance is None else [1 / 3] * 3
+    law = () if model.gauge is None else model.gauge.middle
     return np.array([*lobes, *law], float)

@@ -5,6 +5,7 @@ from itertools import product
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Bool, Float
 
 __all__ = ["bounded_least_squares", "solve_positive"]
@@ -65,13 +66,17 @@ def solve_positive(
 ) -> Float[Array, "n *m"]:
     """Solve a symmetric positive definite system; NaN where it is not one.
 
-    Gauss and Jordan's elimination, which needs no pivoting here, written out: n is a handful, and
-    under `vmap` a library call for each matrix costs a hundred times as much.
+    Gauss and Jordan's elimination, which needs no pivoting here: under `vmap` over many systems of
+    a handful of unknowns a library call for each would cost a hundred times as much.
     """
     n = len(matrix)
     table = jnp.concatenate([matrix, right.reshape(n, -1)], axis=1)
-    for j in range(n):
-        row = table[j] / jnp.where(table[j, j] > 0, table[j, j], jnp.nan)
-        rest = table - jnp.outer(table[:, j], row)
-        table = jnp.where(np.arange(n)[:, None] == j, row, rest)
-    return table[:, n:].reshape(right.shape)
+
+    def eliminate(j: Array, table: Array) -> Array:
+        at_j = jnp.arange(n) == j
+        pivot = table[j, j]
+        row = table[j] / jnp.where(pivot > 0, pivot, jnp.nan)
+        rest = table - jnp.outer(jnp.where(at_j, 0, table[:, j]), row)
+        return jnp.where(at_j[:, None], row[None], rest)
+
+    return lax.fori_loop(0, n, eliminate, table)[:, n:].reshape(right.shape)

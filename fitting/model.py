@@ -11,27 +11,29 @@ from functools import cache
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from diffshade.channels import Channels, per_channel, times
 from diffshade.errors import BadInput
+from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
 from diffshade.shading.basis import basis
-from fitting.gauge import ReferenceAttenuation, with_attenuation
+from fitting.gauge import AbstractGauge, with_attenuation
 from fitting.stream import Block
 
 __all__ = [
-    "CONSTANTS",
     "Model",
     "coefficient",
     "default_material",
     "full_names",
     "held_names",
     "linear_names",
+    "model_of",
     "shininess_names",
 ]
 
@@ -40,31 +42,27 @@ class Model(eqx.Module):
     """A material's terms and lobes, of which some coefficients are unknown.
 
     `material` has the values of what is held. u holds, in this order, the logarithm of the shininess
-    of the lobes `searched`; then, where an attenuation is fitted at the reference distance
-    `distance`, its l0, l1, l2. Of these the one that `dependent` marks makes up the sum of 1; none
-    does where the scale is known (`scaled`), because k_d, a k_s or one of c0, c1, c2 is held.
-    `held_law` has the values of l that are held.
+    of the lobes `searched`; then, where an attenuation is fitted, the constants v of its `gauge`. Of
+    these the one that `dependent` marks makes up the sum of 1; none does where the scale is known.
     """
 
     material: Material
     searched: tuple[int, ...] = eqx.field(static=True)
     channel_count: int = eqx.field(static=True)
-    distance: Float[Array, ""] | None = None
-    scaled: bool = eqx.field(static=True, default=False)
-    held_law: tuple[float | None, ...] = eqx.field(static=True, default=(None, None, None))
+    gauge: AbstractGauge | None = None
     dependent: Bool[Array, "q"] | None = None
 
     @property
     def size(self) -> int:
         """How many unknowns are searched."""
-        return len(self.searched) + (0 if self.distance is None else 3)
+        return len(self.searched) + (0 if self.gauge is None else self.gauge.size)
 
     @property
     def held(self) -> Bool[np.ndarray, "q"]:
         """Which of the unknowns are held: constants of the attenuation."""
         held = np.zeros(self.size, bool)
-        if self.distance is not None:
-            held[len(self.searched) :] = [value is not None for value in self.held_law]
+        if self.gauge is not None:
+            held[len(self.searched) :] = [value is not None for value in self.gauge.held]
         return held
 
     @property
@@ -77,9 +75,10 @@ class Model(eqx.Module):
         """Pairs (direction, column): what each of the `directions` changes of the columns."""
         lobes, count = len(self.material.specular), len(self.searched)
         plain = self.column_count - lobes
+        lit = [c for c, of_lights in enumerate(self.lit) if of_lights]
         return (
             *((i, plain + j) for i, j in enumerate(self.searched)),
-            *((i, c) for i in range(count, self.direction_count) for c in np.flatnonzero(self.lit)),
+            *((i, c) for i in range(count, self.direction_count) for c in lit),
         )
 
     @property
@@ -119,15 +118,16 @@ class Model(eqx.Module):
         of_law = jnp.arange(self.direction_count) >= len(self.searched)
         return slots - jnp.outer(of_law, self.dependent).astype(slots.dtype)
 
-    def unpack(self, u: Float[Array, "q"]) -> tuple[Material, ReferenceAttenuation | None]:
+    def unpack(self, u: Float[Array, "q"]) -> tuple[Material, AbstractAttenuation | None]:
         """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
         material = self.material
         for k, j in enumerate(self.searched):
             material = eqx.tree_at(lambda m: m.specular[j].shininess, material, jnp.exp(u[k]))  # noqa: B023
-        if self.distance is None:
-            return material, None
-        l0, l1, l2 = self.whole(u)[len(self.searched) :]
-        return material, ReferenceAttenuation(l0, l1, l2, self.distance)
+        return material, None if self.gauge is None else self.gauge.law(self.of_law(u))
+
+    def of_law(self, u: Float[Array, "q"]) -> Float[Array, "s"]:
+        """The constants v of the attenuation."""
+        return self.whole(u)[len(self.searched) :]
 
     def whole(self, u: Float[Array, "q"]) -> Float[Array, "q"]:
         """u with its dependent entry made up from the others."""
@@ -138,7 +138,7 @@ class Model(eqx.Module):
 
     def depending_on(self, u: Float[Array, "q"]) -> "Model":
         """The model whose dependent entry is the largest l of u, where the scale is free."""
-        if self.distance is None or self.scaled:
+        if self.gauge is None or not self.gauge.floating:
             return self
         laws = jnp.where(self.held[len(self.searched) :], -1, u[len(self.searched) :])
         largest = len(self.searched) + jnp.argmax(laws)
@@ -179,14 +179,26 @@ class Model(eqx.Module):
         lobes = {
             f"specular.{j}.shininess": float(np.exp(u[k])) for k, j in enumerate(self.searched)
         }
-        laws = {f"reference.l{k}": float(l) for k, l in enumerate(u[count:])}
-        return lobes | laws
+        return lobes | ({} if self.gauge is None else self.gauge.named(u[count:]))
 
     def with_linear(self, material: Material, k: Float[Array, "C p"]) -> Material:
         """The material with its linear coefficients set, one number a channel."""
         for name, column in zip(linear_names(material), k.T, strict=True):
             material = eqx.tree_at(lambda m: coefficient(m, name), material, column)  # noqa: B023
         return material
+
+
+def model_of(start: Material, held: frozenset[str], channel_count: int) -> Model:
+    """The model of a material: all that is not held is unknown; one shininess for all channels."""
+    if any(leaf.ndim > 1 for leaf in jax.tree.leaves(start)):
+        raise BadInput("the material holds maps: give fit one number, or one a channel")
+    names = shininess_names(start)
+    searched = tuple(j for j, name in enumerate(names) if name not in held)
+    if any(coefficient(start, names[j]).ndim for j in searched):
+        raise BadInput(
+            "the shininess has one number a channel: fit searches one for all, or hold it"
+        )
+    return Model(material=start, searched=searched, channel_count=channel_count)
 
 
 def linear_names(material: Material) -> tuple[str, ...]:
@@ -211,21 +223,20 @@ def default_material(scenes: Iterable[Scene]) -> Material:
 
 @cache
 def _default_material(ambient: bool, dtype: jnp.dtype) -> Material:
-    half, shininess = jnp.asarray(0.5, dtype), jnp.asarray(30.0, dtype)
+    with jax.ensure_compile_time_eval():  # kept for later calls: no tracer may be
+        half, shininess = jnp.asarray(0.5, dtype), jnp.asarray(30.0, dtype)
     return Material(ka=half if ambient else None, kd=half, specular=(Phong(half, shininess),))
 
 
-CONSTANTS = ("attenuation.c0", "attenuation.c1", "attenuation.c2")
-"""The names of a fitted attenuation's constants."""
-
-
 def held_names(
-    hold: Iterable[str], material: Material, *, attenuated: bool = False
+    hold: Iterable[str], material: Material, constants: tuple[str, ...] = ()
 ) -> frozenset[str]:
-    """Full names of what is held; "specular.ks" stands for that of every lobe."""
+    """Full names of what is held; "specular.ks" stands for that of every lobe.
+
+    `constants` are the names of a fitted attenuation's.
+    """
     if isinstance(hold, str):
         raise BadInput(f"hold is {hold!r}: give a sequence of names, ({hold!r},)")
-    constants = CONSTANTS if attenuated else ()
     known = (*linear_names(material), *shininess_names(material), *constants)
     return frozenset(full for name in hold for full in full_names(name, known, "hold"))
 

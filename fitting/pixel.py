@@ -13,7 +13,9 @@ Pixels lie last in every array, and a chunk of them fits a processor's cache: XL
 into arithmetic on contiguous planes, whatever the number of pixels.
 """
 
-from dataclasses import replace
+import operator
+from collections.abc import Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -22,19 +24,30 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from diffshade.reflectance.lobe import AbstractLobe
-from fitting.pixel_linear import bounded, own_share, solve
+from fitting.pixel_linear import bounded, own_share, rounding, solve
 from fitting.solver import BoundedLevenbergMarquardt
 
-__all__ = ["CHUNK", "NODES", "PixelFit", "PixelProblem", "Settings", "fit_pixels"]
+__all__ = ["PixelFit", "PixelProblem", "Settings", "fit_pixels"]
 
-CHUNK = 1024
 NODES = 16
 SHARPEST_NODE = 3000.0
 """The grid's largest shininess, where bounds do not set it."""
-MAX_STEPS = 30
+MAX_STEPS = 12
+"""Of Optimistix: all pixels of a chunk wait for the slowest, and those that need more tell nothing."""
+STEP_LEFT = 1e-3
+"""Of u: the step that a search which has arrived may leave ..."""
+CHANGE_LEFT = 1e-2, 1e-5
+"""... or the change of the fit by it, as a share of the residual, or of what was observed."""
+NEAR = 0.05
+"""A step of u as small as this is taken without a look at where it leads."""
+
+
+Plane = Float[Array, "*P"]
+Observations = Float[Array, "K *P"]
+State = tuple[Plane, Plane, Plane, Plane]
 
 
 class Settings(NamedTuple):
@@ -44,51 +57,81 @@ class Settings(NamedTuple):
     log_shininess: tuple[float, float]
     steps: int | None
 
+    @property
+    def chunk(self) -> int:
+        """Pixels a chunk: with fewer the overhead of each operation shows, with more the cache is too
+        small, or Optimistix waits too long for the slowest.
+        """
+        return 256 if self.steps is None else 1024
+
 
 class PixelProblem(eqx.Module):
-    """What is known of each pixel: [..., P], or [...] of one pixel under `vmap`.
+    """What is known of each pixel: planes [K, P], or [K] of one pixel under `vmap`.
 
-    `observed` and the rows of the basis are 0 where an observation is not used. `plain` are the
-    columns without a lobe, a and d. Of each of L lights in an image, `arriving` is I_p f and
-    `angles` what the lobe needs of the directions. G is C, or 1 where all channels share a basis.
+    `observed` has a plane a channel. The basis has G planes for each column, G = C, or 1 where all
+    channels share it: `plain` are the columns without a lobe, a and d; of each of L lights in an
+    image `arriving` is I_p f, and `angles` what the lobe needs of the directions. Observations that
+    are not used are 0 in `observed`, `plain` and `arriving`.
     """
 
     lobe: AbstractLobe
-    observed: Float[Array, "C K *P"]
-    plain: tuple[Float[Array, "G K *P"], ...]
-    arriving: Float[Array, "G L K *P"]
-    angles: Float[Array, "L K *P"]
+    observed: tuple[Observations, ...]  # C
+    plain: tuple[tuple[Observations, ...], ...]  # G, columns
+    arriving: tuple[tuple[Observations, ...], ...]  # G, L
+    angles: tuple[Observations, ...]  # L
 
-    def lobes(self, u: Float[Array, "*P"]) -> tuple[Float[Array, "G K *P"], Float[Array, "G K *P"]]:
-        """The specular column s at log n = u, and its derivative in u."""
+    def lobes(self, u: Float[Array, "..."]) -> tuple[list[Observations], list[Observations]]:
+        """The specular column s at log n = u, a number or a plane, and its derivative; G planes each."""
 
-        def shape(u: Float[Array, "*P"]) -> Float[Array, "L K *P"]:
-            lobe = eqx.tree_at(lambda l: l.shininess, self.lobe, jnp.exp(u)[None])
-            at = jax.vmap(jax.vmap(lambda angles: lobe.at(angles)[0]))
-            return at(self.angles)
+        def shapes(u: Float[Array, "..."]) -> list[Observations]:
+            # One for all channels, and where there is one a pixel, for all its observations.
+            shininess = jnp.exp(u)[None] if u.ndim == 0 else jnp.exp(u)[None, None]
+            lobe = eqx.tree_at(lambda l: l.shininess, self.lobe, shininess)
+            return [lobe.at(angles)[0] for angles in self.angles]
 
-        s, slope = jax.jvp(shape, (u,), (jnp.ones_like(u),))
-        return jnp.sum(self.arriving * s[None], 1), jnp.sum(self.arriving * slope[None], 1)
+        values, slopes = jax.jvp(shapes, (u,), (jnp.ones_like(u),))
+        return [_dot(a, values) for a in self.arriving], [_dot(a, slopes) for a in self.arriving]
+
+
+class Linear(NamedTuple):
+    """One channel at one u: its columns, their Gram matrix, the k that fits best, and what is left."""
+
+    columns: list[Observations]
+    gram: list[list[Plane]]
+    k: list[Plane]
+    left: Observations
 
 
 class Projected(NamedTuple):
-    """The fit at one u: k, what is left, and its Gauss-Newton model in u with k eliminated."""
+    """The fit at one u: k a channel and column, what is left, and its Gauss-Newton model in u.
 
-    k: tuple[Float[Array, "C *P"], ...]
-    cost: Float[Array, "*P"]
-    gradient: Float[Array, "*P"]
-    curvature: Float[Array, "*P"]
+    To first order what is left at u + du is cost - 2 gradient du + curvature du^2.
+    """
+
+    k: list[list[Plane]]
+    cost: Plane
+    gradient: Plane
+    curvature: Plane
+
+    @property
+    def step(self) -> Plane:
+        """From u to the minimum of the model; 0 where there is none."""
+        told = self.curvature > 0
+        return jnp.where(told, self.gradient / jnp.where(told, self.curvature, 1), 0)
 
 
 class PixelFit(NamedTuple):
-    """At each pixel: k by column, u, |r|^2, the errors for noise 1, and how many unknowns those fix."""
+    """At each pixel: k, u, |r|^2, their errors for noise 1, how many unknowns were fitted, and whether
+    the search had arrived: another step would move u, or the fit, by next to nothing.
+    """
 
-    k: Float[Array, "p C *P"]
-    u: Float[Array, "*P"]
-    cost: Float[Array, "*P"]
-    k_error: Float[Array, "p C *P"]
-    u_error: Float[Array, "*P"]
-    unknowns: Float[Array, "*P"]
+    k: tuple[tuple[Plane, ...], ...]  # C, p: in one array XLA would compute all for each
+    u: Plane
+    cost: Plane
+    k_error: tuple[tuple[Plane, ...], ...]
+    u_error: Plane
+    unknowns: Plane
+    converged: Bool[Array, "*P"]
 
 
 def fit_pixels(problem: PixelProblem, settings: Settings) -> PixelFit:
@@ -101,112 +144,92 @@ def fit_pixels(problem: PixelProblem, settings: Settings) -> PixelFit:
     return _with_errors(problem, settings, u)
 
 
-def _sum(a: Array, b: Array) -> Array:
-    """Over the observations."""
-    return jnp.sum(a * b, axis=1)
+def _linear(problem: PixelProblem, settings: Settings, s: list[Observations]) -> list[Linear]:
+    """Each channel with the linear coefficients that fit best."""
+    bases = [[*plain, s_g] for plain, s_g in zip(problem.plain, s, strict=True)]
+    grams = [_gram(columns) for columns in bases]
+    channels = []
+    for c, y in enumerate(problem.observed):
+        g = c if len(bases) > 1 else 0
+        columns, gram = bases[g], grams[g]
+        k, _ = bounded(gram, [_sum(column, y) for column in columns], settings.bounds)
+        # Without the barrier XLA computes k again for every observation.
+        k = lax.optimization_barrier(k)
+        left = y
+        for column, k_i in zip(columns, k, strict=True):
+            left = left - k_i[None] * column
+        channels.append(Linear(columns, gram, k, left))
+    return channels
 
 
-def _linear(
-    problem: PixelProblem, settings: Settings, s: Array
-) -> tuple[list[Array], list[list[Array]], list[Array]]:
-    """The columns with s the last, their Gram matrix, and the k that fits best."""
-    columns = [*problem.plain, s]
-    gram = _gram(columns)
-    moment = [_sum(column, problem.observed) for column in columns]
-    channel_count = problem.observed.shape[0]
-    gram = [[jnp.broadcast_to(g, (channel_count, *g.shape[1:])) for g in row] for row in gram]
-    return columns, gram, bounded(gram, moment, settings.bounds)
-
-
-def _gram(columns: list[Array]) -> list[list[Array]]:
-    size = len(columns)
-    half = {(i, j): _sum(columns[i], columns[j]) for i in range(size) for j in range(i + 1)}
-    return [[half[max(i, j), min(i, j)] for j in range(size)] for i in range(size)]
-
-
-def _residual(problem: PixelProblem, columns: list[Array], k: list[Array]) -> Array:
-    left = problem.observed
-    for column, k_i in zip(columns, k, strict=True):
-        left = left - k_i[:, None] * column
-    return left
-
-
-def _best_node(problem: PixelProblem, settings: Settings) -> Float[Array, "P"]:
+def _best_node(problem: PixelProblem, settings: Settings) -> Plane:
     """The node of a grid over u from which least is left."""
     low, high = settings.log_shininess
     nodes = np.linspace(max(low, 0.0), min(high, np.log(SHARPEST_NODE)), NODES)
-    nodes = np.clip(nodes, low, high)
-    dtype, count = problem.observed.dtype, problem.observed.shape[-1]
+    y = problem.observed[0]
+    count, dtype = y.shape[1], y.dtype
 
-    def judge(best: tuple[Array, Array], node: Array) -> tuple[tuple[Array, Array], None]:
+    def judge(
+        best: tuple[Plane, Plane], node: Float[Array, ""]
+    ) -> tuple[tuple[Plane, Plane], None]:
         least, u = best
         s, _ = problem.lobes(node)
-        columns, _, k = _linear(problem, settings, s)
-        left = _residual(problem, columns, k)
-        cost = jnp.sum(_sum(left, left), 0)
+        costs = []
+        for c, y in enumerate(problem.observed):
+            columns = [*problem.plain[c if len(s) > 1 else 0], s[c if len(s) > 1 else 0]]
+            moment = [_sum(column, y) for column in columns]
+            costs.append(bounded(_gram(columns), moment, settings.bounds)[1])
+        cost = _total(costs)
         better = cost < least
         return (jnp.where(better, cost, least), jnp.where(better, node, u)), None
 
     start = jnp.full(count, jnp.inf, dtype), jnp.full(count, nodes[0], dtype)
-    (_, u), _ = lax.scan(judge, start, jnp.asarray(nodes, dtype))
+    (_, u), _ = lax.scan(judge, start, jnp.asarray(np.clip(nodes, low, high), dtype))
     return u
 
 
-def _project(problem: PixelProblem, settings: Settings, u: Array) -> Projected:
-    """The linear coefficients eliminated at u; `gradient` points downhill."""
-    s, slope = problem.lobes(u)
-    columns, gram, k = _linear(problem, settings, s)
-    left = _residual(problem, columns, k)
-    free = [(low < k_i) & (k_i < high) for k_i, (low, high) in zip(k, settings.bounds, strict=True)]
-    # What rounding left of the columns in the residual: k refined once against it.
-    side = [_sum(column, left) for column in columns]
-    refinement = solve(gram, side, free)
-    across = [_sum(column, slope) for column in columns]
-    explained = solve(gram, across, free)
-    ks = k[-1]
-    cost = _sum(left, left) - _dot(refinement, side)
-    gradient = ks * (_sum(slope, left) - _dot(explained, side))
-    square = _sum(slope, slope)
-    curvature = square - _dot(explained, across)
-    # Where the other columns explain the slope within rounding, u cannot be told.
-    told = curvature > 30 * jnp.finfo(u.dtype).eps * square
-    return Projected(
-        k=tuple(
-            jnp.clip(value + change, *edges)
-            for value, change, edges in zip(k, refinement, settings.bounds, strict=True)
-        ),
-        cost=jnp.maximum(jnp.sum(cost, 0), 0),
-        gradient=jnp.sum(jnp.where(told, gradient, 0), 0),
-        curvature=jnp.sum(jnp.where(told, ks * ks * curvature, 0), 0),
-    )
-
-
-def _dot(a: list[Array], b: list[Array]) -> Array:
-    total = a[0] * b[0]
-    for x, y in zip(a[1:], b[1:], strict=True):
-        total = total + x * y
-    return total
+def _project(problem: PixelProblem, settings: Settings, u: Plane) -> Projected:
+    """The linear coefficients eliminated at u."""
+    s, slopes = problem.lobes(u)
+    ks, costs, gradients, curvatures = [], [], [], []
+    for c, (columns, gram, k, left) in enumerate(_linear(problem, settings, s)):
+        slope = slopes[c if len(slopes) > 1 else 0]
+        free = [(low < x) & (x < high) for x, (low, high) in zip(k, settings.bounds, strict=True)]
+        # What rounding left of the columns in the residual: k refined once against it.
+        side = [_sum(column, left) for column in columns]
+        change = solve(gram, side, free)
+        across = [_sum(column, slope) for column in columns]
+        explained = solve(gram, across, free)
+        square = _sum(slope, slope)
+        curvature = square - _dot(explained, across)
+        # Where the other columns explain the slope within rounding, this channel does not tell u.
+        told = curvature > rounding(square)
+        gradient = k[-1] * (_sum(slope, left) - _dot(explained, side))
+        gradients.append(jnp.where(told, gradient, 0))
+        curvatures.append(jnp.where(told, k[-1] * k[-1] * curvature, 0))
+        costs.append(jnp.maximum(_sum(left, left) - _dot(change, side), 0))
+        within = zip(k, change, settings.bounds, strict=True)
+        ks.append([jnp.clip(x + dx, low, high) for x, dx, (low, high) in within])
+    return Projected(ks, _total(costs), _total(gradients), _total(curvatures))
 
 
 def _by_steps(problem: PixelProblem, settings: Settings, u: Array) -> Array:
     """A fixed number of Gauss-Newton steps, each taken back and shortened where it went uphill."""
     low, high = settings.log_shininess
-    rounding = 1 + 16 * jnp.finfo(u.dtype).eps
+    noise = 1 + 16 * float(jnp.finfo(u.dtype).eps)  # rounding of the cost
 
-    def advance(state: tuple[Array, ...], _: None) -> tuple[tuple[Array, ...], None]:
+    def advance(state: State, _: None) -> tuple[State, None]:
         trial, u, cost, step = state
         at = _project(problem, settings, trial)
-        accept = at.cost <= cost * rounding
-        told = at.curvature > 0
-        ahead = jnp.where(told, at.gradient / jnp.where(told, at.curvature, 1), 0)
-        step = jnp.where(accept, jnp.clip(ahead, -0.5, 0.5), 0.25 * step)
+        accept = at.cost <= cost * noise
+        step = jnp.where(accept, jnp.clip(at.step, -0.5, 0.5), 0.25 * step)
         u = jnp.where(accept, trial, u)
         cost = jnp.where(accept, at.cost, cost)
         return (jnp.clip(u + step, low, high), u, cost, step), None
 
     start = u, u, jnp.full_like(u, jnp.inf), jnp.zeros_like(u)
-    (trial, *_), _ = lax.scan(advance, start, None, length=settings.steps)
-    return trial
+    (ahead, best, _, _), _ = lax.scan(advance, start, None, length=settings.steps)
+    return jnp.where(jnp.abs(ahead - best) <= NEAR, ahead, best)
 
 
 def _by_optimistix(problem: PixelProblem, settings: Settings, u: Array) -> Array:
@@ -228,42 +251,54 @@ def _by_optimistix(problem: PixelProblem, settings: Settings, u: Array) -> Array
         slope = jnp.where(told, root, 0)
         return jnp.stack([along - slope * (v[0] - here[0]), rest])
 
-    def minimise(u: Array, pixel: PixelProblem) -> Array:
+    def minimise(u: Array, planes: Any) -> Array:
+        pixel = PixelProblem(problem.lobe, *planes)
         solution: Any = optx.least_squares(
             residual, solver, u[None], args=pixel, max_steps=MAX_STEPS, throw=False
         )
         return solution.value[0]
 
-    axes = replace(jax.tree.map(lambda _: -1, problem), lobe=None)
-    return jax.vmap(minimise, in_axes=(0, axes))(u, problem)
+    planes = (problem.observed, problem.plain, problem.arriving, problem.angles)
+    u = jax.vmap(minimise, in_axes=(0, -1))(u, planes)
+    # Its tolerances are met before the last digits are: one step more, where it is a small one.
+    step = _project(problem, settings, u).step
+    return jnp.where(jnp.abs(step) <= NEAR, jnp.clip(u + step, *settings.log_shininess), u)
 
 
-def _with_errors(problem: PixelProblem, settings: Settings, u: Array) -> PixelFit:
+def _with_errors(problem: PixelProblem, settings: Settings, u: Plane) -> PixelFit:
     """k at u, and the Cramer-Rao errors for noise 1, bounds left aside."""
     at = _project(problem, settings, u)
-    s, slope = problem.lobes(u)
-    columns = [*problem.plain, s]
-    shape = at.k[0].shape
-    # In each channel the columns and k_s ds/du; u is shared, and what the other channels tell of
-    # it adds to its diagonal entry.
-    full = [[jnp.broadcast_to(g, shape) for g in row] for row in _gram([*columns, slope])]
-    p = len(columns)
-    ks = at.k[-1]
-    for i in range(p):
-        full[i][p] = full[p][i] = ks * full[i][p]
-    full[p][p] = ks * ks * full[p][p]
-    of_u = own_share(full, p)
-    information = jnp.sum(of_u, 0)
-    full[p][p] = full[p][p] + (information[None] - of_u)
-    shares = [own_share(full, i) for i in range(p)]
+    s, slopes = problem.lobes(u)
+    p = len(settings.bounds)
+    full, unknowns = [], []
+    for c, k in enumerate(at.k):
+        # The columns, and k_s ds/du. A column of zeros is no unknown.
+        g = c if len(s) > 1 else 0
+        matrix = _gram([*problem.plain[g], s[g], slopes[g]])
+        for i in range(p):
+            matrix[i][p] = matrix[p][i] = k[-1] * matrix[i][p]
+        matrix[p][p] = k[-1] * k[-1] * matrix[p][p]
+        full.append(matrix)
+        unknowns += [(matrix[i][i] > 0).astype(u.dtype) for i in range(p)]
+    of_u = [own_share(matrix, p) for matrix in full]
+    information = _total(of_u)
+    shares = []
+    for matrix, own in zip(full, of_u, strict=True):
+        # u is shared: what the other channels tell of it adds to its diagonal entry.
+        matrix[p][p] = matrix[p][p] + (information - own)
+        shares.append([own_share(matrix, i) for i in range(p)])
+    left = jnp.clip(u + at.step, *settings.log_shininess) - u
+    of_residual, of_observed = CHANGE_LEFT
+    square = _total([_sum(y, y) for y in problem.observed])
+    slight = jnp.maximum(of_residual**2 * at.cost, of_observed**2 * square)
     return PixelFit(
-        k=jnp.stack(at.k),
+        k=tuple(tuple(row) for row in at.k),
         u=u,
         cost=at.cost,
-        k_error=jnp.stack([_error(share) for share in shares]),
+        k_error=tuple(tuple(_error(share) for share in row) for row in shares),
         u_error=_error(information),
-        unknowns=jnp.sum(jnp.stack([full[i][i] > 0 for i in range(p)]), (0, 1), dtype=u.dtype)
-        + (information > 0).astype(u.dtype),
+        unknowns=_total([*unknowns, (information > 0).astype(u.dtype)]),
+        converged=(jnp.abs(left) <= STEP_LEFT) | (at.curvature * left**2 <= slight),
     )
 
 
@@ -271,3 +306,23 @@ def _error(information: Array) -> Array:
     """1 / sqrt(information), infinite where there is none."""
     told = information > 0
     return jnp.where(told, lax.rsqrt(jnp.where(told, information, 1)), jnp.inf)
+
+
+def _gram(columns: list[Observations]) -> list[list[Plane]]:
+    """The Gram matrix of columns of observations."""
+    size = len(columns)
+    half = {(i, j): _sum(columns[i], columns[j]) for i in range(size) for j in range(i + 1)}
+    return [[half[max(i, j), min(i, j)] for j in range(size)] for i in range(size)]
+
+
+def _sum(a: Observations, b: Observations) -> Plane:
+    """a.b over the observations of each pixel."""
+    return jnp.sum(a * b, axis=0)
+
+
+def _dot(a: Sequence[Array], b: Sequence[Array]) -> Array:
+    return _total([x * y for x, y in zip(a, b, strict=True)])
+
+
+def _total(terms: Sequence[Array]) -> Array:
+    return reduce(operator.add, terms)

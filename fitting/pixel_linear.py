@@ -5,12 +5,14 @@ as there are a handful of unknowns: a library call for each pixel's matrix would
 as much.
 """
 
+import operator
 from collections.abc import Sequence
+from functools import reduce
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-__all__ = ["bounded", "own_share", "solve"]
+__all__ = ["bounded", "own_share", "rounding", "solve"]
 
 Plane = Float[Array, "..."]
 Mask = Bool[Array, "..."]
@@ -29,7 +31,7 @@ def solve(matrix: Matrix, right: Vector, free: Sequence[Mask | bool] | None = No
     free = [True] * size if free is None else list(free)
     inverse = []
     for j in range(size):
-        independent = (m[j][j] > _rounding(matrix[j][j])) & free[j]
+        independent = (m[j][j] > rounding(matrix[j][j])) & free[j]
         inverse.append(jnp.where(independent, 1 / jnp.where(independent, m[j][j], 1), 0))
         for i in range(j + 1, size):
             share = m[i][j] * inverse[j]
@@ -58,37 +60,33 @@ def own_share(matrix: Matrix, index: int) -> Plane:
     across = [matrix[i][index] for i in others]
     explained = solve([[matrix[i][j] for j in others] for i in others], across)
     left = matrix[index][index] - sum(a * x for a, x in zip(across, explained, strict=True))
-    return jnp.where(left > _rounding(matrix[index][index]), left, 0)
+    return jnp.where(left > rounding(matrix[index][index]), left, 0)
 
 
-def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> Vector:
-    """The k that minimises k'Mk/2 - m'k within bounds, a number each, infinite where there is none.
+def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple[Vector, Plane]:
+    """The k that minimises k'Mk/2 - m'k within bounds, and that minimum.
 
-    The free solution where it lies within; else the least of those on the faces of the box, each a
-    problem of one unknown fewer. A face on which the minimum cannot lie is never the least.
+    The free solution where it lies within. Else at least one of those that it carries beyond a bound
+    lies on that bound: for on the way from the minimum to the free solution, which is downhill, a
+    bound is met at once. Each of these is tried, a problem of one unknown fewer.
     """
-    size = len(moment)
-    k = solve(matrix, moment)
-    if size == 1:
-        return [jnp.clip(k[0], *bounds[0])]
-    inside = jnp.asarray(True)
-    for value, (low, high) in zip(k, bounds, strict=True):
-        inside = inside & (value >= low) & (value <= high)
-    best, least = k, jnp.where(inside, -jnp.inf, jnp.inf)
-    for i in range(size):
-        others = [j for j in range(size) if j != i]
+    best = solve(matrix, moment)
+    beyond = [(x < low) | (x > high) for x, (low, high) in zip(best, bounds, strict=True)]
+    within = [jnp.clip(x, low, high) for x, (low, high) in zip(best, bounds, strict=True)]
+    if len(moment) == 1:
+        return within, _objective(matrix, moment, within)
+    least = jnp.where(reduce(operator.or_, beyond), jnp.inf, _objective(matrix, moment, best))
+    for i, (edge, tried) in enumerate(zip(within, beyond, strict=True)):
+        others = [j for j in range(len(moment)) if j != i]
         inner = [[matrix[a][b] for b in others] for a in others]
-        for edge in bounds[i]:
-            if not abs(edge) < float("inf"):
-                continue
-            right = [moment[j] - edge * matrix[j][i] for j in others]
-            face = bounded(inner, right, [bounds[j] for j in others])
-            face.insert(i, jnp.full_like(face[0], edge))
-            value = _objective(matrix, moment, face)
-            better = value < least
-            least = jnp.where(better, value, least)
-            best = [jnp.where(better, new, old) for new, old in zip(face, best, strict=True)]
-    return best
+        right = [moment[j] - edge * matrix[j][i] for j in others]
+        k, value = bounded(inner, right, [bounds[j] for j in others])
+        value = value + edge * (0.5 * matrix[i][i] * edge - moment[i])
+        better = tried & (value < least)
+        least = jnp.where(better, value, least)
+        k.insert(i, edge)
+        best = [jnp.where(better, new, old) for new, old in zip(k, best, strict=True)]
+    return best, least
 
 
 def _objective(matrix: Matrix, moment: Vector, k: Vector) -> Plane:
@@ -101,6 +99,7 @@ def _objective(matrix: Matrix, moment: Vector, k: Vector) -> Plane:
     return value
 
 
-def _rounding(square: Plane) -> Plane:
-    """What of a column's square may be rounding."""
-    return 30 * jnp.finfo(square.dtype).eps * square
+def rounding(square: Plane) -> Plane:
+    """What of a column's square may be rounding, or underflow."""
+    info = jnp.finfo(square.dtype)
+    return jnp.maximum(30 * float(info.eps) * square, float(info.tiny / info.eps))

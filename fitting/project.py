@@ -53,6 +53,17 @@ class Problem(eqx.Module):
             first = last
 
 
+class Gains(NamedTuple):
+    """Where the strength g of each image's lights is unknown: what fits best at this k and u.
+
+    `crossed` holds the products of d(A k)/dg with [A, J] in each channel, `square` its own square.
+    """
+
+    best: Float[Array, "K"]
+    crossed: Float[Array, "K C m"]
+    square: Float[Array, "K"]
+
+
 class Linearised(eqx.Module):
     """The fit around u: |r + J du|^2 = cost - 2 gradient.du + du.hessian.du, k eliminated.
 
@@ -69,7 +80,7 @@ class Linearised(eqx.Module):
     information: Float[Array, "C n n"]
     image_cost: Float[Array, "K"]
     reference_cost: Float[Array, ""]
-    gains: Float[Array, "K"] | None  # that would fit best at this k and u, where they are unknown
+    gains: Gains | None
 
 
 class Sums(NamedTuple):
@@ -140,7 +151,7 @@ def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
         information=gram,
         image_cost=jnp.sum(jax.vmap(_square, (0, None))(each, change), axis=-1),
         reference_cost=jnp.sum(sums.square),
-        gains=None if problem.gains is None else _better_gains(problem, each, change, k),
+        gains=None if problem.gains is None else _gains(problem, each, change, k, to[:, :, :-1]),
     )
 
 
@@ -212,22 +223,32 @@ def _snapped(problem: Problem, k: Float[Array, "C p"], free: Bool[Array, "C p"])
     )
 
 
-def _better_gains(
-    problem: Problem, each: Sums, change: Float[Array, "C p"], k: Float[Array, "C p"]
-) -> Float[Array, "K"]:
-    """The gain of each image's lights that fits it best, the mean kept at 1.
+def _gains(
+    problem: Problem,
+    each: Sums,
+    change: Float[Array, "C p"],
+    k: Float[Array, "C p"],
+    to: Float[Array, "C r m"],
+) -> Gains:
+    """Of an image I_a k_a + g L, L its lit part: g follows by least squares from <L, r> and <L, L>.
 
-    An image is I_a k_a + g L, L its lit part: g follows by least squares from <L, r> and <L, L>.
+    The mean is kept at 1.
     """
     assert problem.gains is not None
     p = k.shape[1]
     lit = k * np.array(problem.model.lit, float).astype(k.dtype)[None]
-    rows = jnp.broadcast_to(each.rows[:, :, :p, :p], (len(each.rows), *k.shape, p))
-    moment = each.moment[:, :, :p] - jnp.einsum("gcij,cj->gci", rows, change)
-    crossed = jnp.einsum("ci,gci->g", lit, moment)
-    square = jnp.einsum("ci,gcij,cj->g", lit, rows, lit)
-    gains = problem.gains * jnp.maximum(1 + guard.reciprocal(square) * crossed, 0)
-    return gains * guard.reciprocal(jnp.mean(gains))
+    rows = jnp.broadcast_to(each.rows, (len(each.rows), len(k), *each.rows.shape[2:]))
+    moment = each.moment[:, :, :p] - jnp.einsum("gcij,cj->gci", rows[:, :, :p, :p], change)
+    along = jnp.einsum("gcij,cj->gci", rows[:, :, :, :p], lit)
+    square = jnp.einsum("ci,gci->g", lit, along[:, :, :p])
+    step = guard.reciprocal(square) * jnp.einsum("ci,gci->g", lit, moment)
+    better = problem.gains * jnp.maximum(1 + step, 0)
+    return Gains(
+        best=better * guard.reciprocal(jnp.mean(better)),
+        crossed=jnp.einsum("gci,cim->gcm", along, to)
+        * guard.reciprocal(problem.gains)[:, None, None],
+        square=square * guard.reciprocal(problem.gains) ** 2,
+    )
 
 
 def _square(sums: Sums, change: Float[Array, "C p"]) -> Float[Array, "C"]:
@@ -274,6 +295,14 @@ def _sums(problem: Problem, u: Float[Array, "q"], *, derivatives: bool) -> Sums:
     each = [
         sum_over_blocks(group, of_block, problem.most_blocks, gains)
         for group, gains in problem.each_group()
+    ]
+    # Groups whose lights have one colour share their rows; beside others each channel has its own.
+    sets = max(sums.rows.shape[1] for sums in each)
+    each = [
+        sums._replace(
+            rows=jnp.broadcast_to(sums.rows, (len(sums.rows), sets, *sums.rows.shape[2:]))
+        )
+        for sums in each
     ]
     return Sums(*(jnp.concatenate(of_groups) for of_groups in zip(*each, strict=True)))
 

@@ -2,8 +2,24 @@
 
 "diffshade.fit/1": a term that the model lacks is null, as is a number that is not finite.
 `standard_errors` has the shape of `coefficients`, with null where a coefficient is held or its error
-infinite. In `unidentified` and `held` coefficients have the names of `fitting.Fit`:
-"specular.0.ks" is `lobes[0].ks`, and "reference.l1" is `attenuation.l1`.
+infinite. `pixels_unusable` are those of the object that are not finite or not opaque. In
+`unidentified` and `held` coefficients have the names of `fitting.Fit`: "specular.0.ks" is
+`lobes[0].ks`, and "reference.l1" is `attenuation.l1`.
+
+Keys that a document may have besides; readers do without them, and null is as good as absent:
+
+- `intervals`: of 95 %, the shape of `coefficients`, each number a pair [low, high].
+- `correlations`: {`names`, `matrix`}, as rows of numbers in [-1, 1].
+- `basins`: other minima within the noise of the best, each {`coefficients`, `relative_residual`}.
+- `certificate`: that no other minimum is better, {`proven`, `tolerance`, `shininess`: [low, high] of
+  the search, `interval`: outside of it the residual is larger by the tolerance, `reason`};
+  `tolerance` is of the relative residual.
+- `profile`: a list of {`lobe` from 0, `shininess`, `relative_residual`}, two lists of equal length:
+  the least residual that there is at each shininess.
+- `weighted_residual`: the relative residual with the weights of a robust fit.
+- `suspect_images`: images that disagree with the others, a list of {`file`, `reason`}.
+- `gains`: a number an image, or one a channel.
+- in a row of `per_image`, `pixels_no_weight`: used pixels to which a robust fit gave no weight.
 """
 
 from __future__ import annotations
@@ -20,7 +36,7 @@ from fitting.named_models import LOBES
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
     from diffshade.io.toml_document import Table
-    from diffshade.light.attenuation import QuadraticAttenuation
+    from diffshade.light.attenuation import AbstractAttenuation
     from diffshade.reflectance.material import Material
     from fitting.estimate import Fit
     from fitting.residual import Evaluation
@@ -30,14 +46,15 @@ __all__ = [
     "FIT_SCHEMA",
     "evaluation_to_json",
     "fit_to_json",
+    "intervals_to_json",
     "material_from_json",
 ]
 
 FIT_SCHEMA = "diffshade.fit/1"
 EVALUATE_SCHEMA = "diffshade.evaluate/1"
 
-CONSTANTS = ("c0", "c1", "c2")
-SHARES = ("l0", "l1", "l2")
+CONSTANTS = {"quadratic": ("c0", "c1", "c2"), "linear": ("c0", "c1"), "exponential": ("a",)}
+"""What each kind of attenuation has."""
 
 
 def fit_to_json(
@@ -54,12 +71,68 @@ def fit_to_json(
             for item in fit.unidentified
         ],
         "held": sorted(set(fit.coefficients) - set(fit.standard_errors)),
+        "intervals": intervals_to_json(fit, fit.intervals),
+        **_judged(fit, capture),
         "noise": _plain(fit.noise),
         **_measured(fit, capture),
         "converged": fit.converged,
         "seconds": {name: round(value, 3) for name, value in seconds.items()},
         "notes": list(capture.notes),
     }
+
+
+def _judged(fit: Fit, capture: Capture) -> dict[str, Any]:
+    """What a document says besides, where the fit has it."""
+    found: dict[str, Any] = {}
+    if fit.correlations is not None:
+        names = list(fit.correlations.names)
+        found["correlations"] = {"names": names, "matrix": _plain(fit.correlations.matrix)}
+    found["basins"] = [
+        {"coefficients": dict(b.coefficients), "relative_residual": _plain(b.relative_residual)}
+        for b in fit.basins
+        if b.within_noise
+    ]
+    found["suspect_images"] = [
+        {"file": capture.names[item.image], "reason": item.reason} for item in fit.suspect_images
+    ]
+    found["weighted_residual"] = _plain(fit.weighted_residual)
+    found["gains"] = None if fit.gains is None else _plain(fit.gains)
+    found["certificate"] = None
+    if fit.certificate is not None:
+        proof = fit.certificate
+        found["certificate"] = {
+            "proven": proof.proven,
+            "tolerance": proof.tolerance,
+            "shininess": None if proof.shininess is None else list(proof.shininess),
+            "interval": None if proof.interval is None else list(proof.interval),
+            "reason": proof.reason,
+        }
+    found["profile"] = [
+        {
+            "lobe": profile.lobe,
+            "shininess": _plain(profile.shininess),
+            "relative_residual": _plain(profile.relative_residual),
+        }
+        for profile in fit.profiles
+    ] or None
+    return found
+
+
+def intervals_to_json(
+    fit: Fit, intervals: Mapping[str, tuple[np.ndarray, np.ndarray]]
+) -> dict[str, Any]:
+    """The `intervals` of a document from the lower and upper ends of each coefficient, by name.
+
+    A pair has null for an end that is not finite, and is [null, null] where a coefficient is held.
+    """
+
+    def pair(name: str) -> Any:
+        if name not in fit.coefficients:
+            return None
+        unknown = np.full_like(fit.coefficients[name], np.nan)
+        return np.stack(intervals.get(name, (unknown, unknown)), axis=-1)
+
+    return _shaped(fit, pair, None)
 
 
 def evaluation_to_json(evaluation: Evaluation, capture: Capture) -> dict[str, Any]:
@@ -71,13 +144,13 @@ def evaluation_to_json(evaluation: Evaluation, capture: Capture) -> dict[str, An
     }
 
 
-def material_from_json(document: Table) -> tuple[Material, QuadraticAttenuation | None]:
+def material_from_json(document: Table) -> tuple[Material, AbstractAttenuation | None]:
     """The material of a "diffshade.fit/1" document, and the attenuation if one was fitted.
 
     Raises `BadInput`, naming the file and the place, for another schema and for what is missing,
     of the wrong type, out of range, or unknown to this version.
     """
-    from diffshade.light.attenuation import QuadraticAttenuation
+    from diffshade.light import attenuation as laws
     from diffshade.reflectance.material import Material
 
     document.choice("schema", (FIT_SCHEMA,))
@@ -98,12 +171,17 @@ def material_from_json(document: Table) -> tuple[Material, QuadraticAttenuation 
     if "attenuation" not in table:
         return material, None
     attenuation = table.table("attenuation")
-    attenuation.choice("kind", ("quadratic",))
-    for name in CONSTANTS:
+    law = attenuation.choice("kind", CONSTANTS)
+    names = CONSTANTS[law]
+    for name in names:
         if name not in attenuation:
-            attenuation.fail(f'the key "{name}" is missing; give c0, c1 and c2')
-    constants = (attenuation.number(name, least=0.0) for name in CONSTANTS)
-    return material, QuadraticAttenuation(*constants)
+            attenuation.fail(f'the key "{name}" is missing; give {", ".join(names)}')
+    types: dict[str, Any] = {
+        "quadratic": laws.QuadraticAttenuation,
+        "linear": laws.LinearAttenuation,
+        "exponential": laws.ExponentialAttenuation,
+    }
+    return material, types[law](*(attenuation.number(name, least=0.0) for name in names))
 
 
 def _without_nulls(table: Table) -> Table:
@@ -113,13 +191,17 @@ def _without_nulls(table: Table) -> Table:
 def _shaped(fit: Fit, value: Callable[[str], Any], distance: float | None) -> dict[str, Any]:
     """One value for every coefficient of a fit, by name, in the shape of the document."""
     lobes = range(len(fit.material.specular))
-    attenuation = None
-    if fit.reference_distance is not None:
-        attenuation = {
-            "kind": "quadratic",
-            **{name: _plain(value(f"attenuation.{name}")) for name in CONSTANTS},
+    attenuation: dict[str, Any] | None = None
+    fitted = tuple(n.split(".")[1] for n in fit.coefficients if n.startswith("attenuation."))
+    for kind, constants in CONSTANTS.items():
+        if set(fitted) == set(constants):
+            found = {name: _plain(value(f"attenuation.{name}")) for name in constants}
+            attenuation = {"kind": kind, **found}
+    if attenuation is not None and fit.reference_distance is not None:
+        shares = [n for n in ("l0", "l1", "l2") if f"reference.{n}" in fit.coefficients]
+        attenuation |= {
             "reference_distance": _plain(distance),
-            **{name: _plain(value(f"reference.{name}")) for name in SHARES},
+            **{name: _plain(value(f"reference.{name}")) for name in shares},
             "kd": _plain(value("reference.kd")),
             "ks": [_plain(value(f"reference.specular.{j}.ks")) for j in lobes],
         }
@@ -157,6 +239,7 @@ def _measured(measured: Fit | Evaluation, capture: Capture) -> dict[str, Any]:
                 "relative_residual": _plain(row.relative_residual),
                 "pixels_used": row.pixels_used,
                 "pixels_clipped": int(np.count_nonzero(clipped)),
+                "pixels_unusable": row.pixels_excluded - int(np.count_nonzero(clipped)),
             }
             for name, row, clipped in rows
         ],

@@ -5,48 +5,68 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-__all__ = ["Row", "attenuation_rows", "material_rows", "reference_rows"]
+__all__ = [
+    "LAWS",
+    "Interval",
+    "Number",
+    "Row",
+    "attenuation_rows",
+    "material_rows",
+    "reference_rows",
+]
 
 Document = Mapping[str, Any]
-Numbers = list[float | None]
+Number = float | int | None
+Numbers = list[Number]
+Interval = tuple[Number, Number]
 
 
 class Row(NamedTuple):
-    """One coefficient: a value and a standard error a channel, or one for all.
+    """One coefficient: a value, a standard error and an interval a channel, or one for all.
 
-    A `note` stands in the place of errors that there are none of, or that mean nothing.
+    `full_name` is the one that `unidentified` and `held` use. A `note` stands in the place of errors
+    that there are none of, or that mean nothing. Without intervals there is the empty list.
     """
 
     name: str
+    full_name: str
     values: Numbers
     errors: Numbers
+    intervals: list[Interval]
     note: str = ""
 
 
 def material_rows(document: Document) -> list[Row]:
     """ka, kd, and the lobes."""
-    values, errors = document["coefficients"], document["standard_errors"]
+    coefficients = document["coefficients"]
     rows = [
-        _row(document, key, key, values[key], errors[key])
-        for key in ("ka", "kd")
-        if values[key] is not None
+        _row(document, key, key, (key,)) for key in ("ka", "kd") if coefficients[key] is not None
     ]
-    several = len(values["lobes"]) > 1
-    for j, (lobe, error) in enumerate(zip(values["lobes"], errors["lobes"], strict=True)):
+    count = len(coefficients["lobes"])
+    for j in range(count):
         for key in ("ks", "shininess"):
-            name = f"{key}, lobe {j + 1}" if several else key
-            rows.append(_row(document, name, f"specular.{j}.{key}", lobe[key], error[key]))
+            name = f"{key}, lobe {j + 1}" if count > 1 else key
+            rows.append(_row(document, name, f"specular.{j}.{key}", ("lobes", j, key)))
     return rows
 
 
+LAWS = {
+    "quadratic": "f(d) = 1 / (c0 + c1 d + c2 d^2)",
+    "linear": "f(d) = 1 / (c0 + c1 d)",
+    "exponential": "f(d) = exp(-a d)",
+}
+"""How a fitted attenuation is written, by its kind."""
+
+
 def attenuation_rows(document: Document) -> list[Row]:
-    """c0, c1 and c2, where an attenuation was fitted."""
-    values, errors = (document[k]["attenuation"] for k in ("coefficients", "standard_errors"))
-    if values is None:
+    """The constants, where an attenuation was fitted: c0, c1 and c2, or what its law has."""
+    attenuation = document["coefficients"]["attenuation"]
+    if attenuation is None:
         return []
     rows = [
-        _row(document, key, f"attenuation.{key}", values[key], errors[key])
-        for key in ("c0", "c1", "c2")
+        _row(document, key, f"attenuation.{key}", ("attenuation", key))
+        for key in ("c0", "c1", "c2", "a")
+        if key in attenuation
     ]
     # The constant that is 1 by convention has an error of rounding only.
     sizes = [r.errors[0] / abs(r.values[0]) for r in rows if r.errors[0] and r.values[0]]
@@ -60,21 +80,50 @@ def attenuation_rows(document: Document) -> list[Row]:
 
 def reference_rows(document: Document) -> list[Row]:
     """What was measured at the reference distance, where an attenuation was fitted."""
-    values, errors = (document[k]["attenuation"] for k in ("coefficients", "standard_errors"))
-    if values is None:
+    values = document["coefficients"]["attenuation"]
+    if values is None or "reference_distance" not in values:
         return []
-    rows = [_row(document, key, key, values[key], errors[key]) for key in ("l0", "l1", "l2")]
+    rows = [
+        _row(document, key, f"reference.{key}", ("attenuation", key))
+        for key in ("l0", "l1", "l2")
+        if key in values
+    ]
     if values["kd"] is not None:
-        rows.append(_row(document, "kd f(d0)", "kd", values["kd"], errors["kd"]))
-    for j, (value, error) in enumerate(zip(values["ks"], errors["ks"], strict=True)):
+        rows.append(_row(document, "kd f(d0)", "reference.kd", ("attenuation", "kd")))
+    for j in range(len(values["ks"])):
         name = f"ks f(d0), lobe {j + 1}" if len(values["ks"]) > 1 else "ks f(d0)"
-        rows.append(_row(document, name, f"specular.{j}.ks", value, error))
+        full_name = f"reference.specular.{j}.ks"
+        rows.append(_row(document, name, full_name, ("attenuation", "ks", j)))
     return rows
 
 
-def _row(document: Document, name: str, full_name: str, value: Any, error: Any) -> Row:
-    note = "held" if full_name in document["held"] else ""
-    return Row(name, _listed(value), _listed(error), note)
+def _row(document: Document, name: str, full_name: str, path: tuple[str | int, ...]) -> Row:
+    value, error = (_at(document[key], path) for key in ("coefficients", "standard_errors"))
+    held = full_name.removeprefix("reference.") in document["held"]
+    values = _listed(value)
+    return Row(
+        name,
+        full_name,
+        values,
+        _listed(error),
+        _intervals(document, path, len(values)),
+        "held" if held else "",
+    )
+
+
+def _intervals(document: Document, path: tuple[str | int, ...], count: int) -> list[Interval]:
+    if document.get("intervals") is None:
+        return []
+    found = _at(document["intervals"], path)
+    if found is None:
+        return [(None, None)] * count
+    return [(low, high) for low, high in (found if isinstance(found[0], list) else [found])]
+
+
+def _at(values: Any, path: tuple[str | int, ...]) -> Any:
+    for key in path:
+        values = values[key]
+    return values
 
 
 def _listed(value: Any) -> Numbers:

@@ -8,9 +8,25 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from fitting.report_rows import Row, attenuation_rows, material_rows, reference_rows
+from fitting.report_rows import (
+    LAWS,
+    Interval,
+    Number,
+    Row,
+    attenuation_rows,
+    material_rows,
+    reference_rows,
+)
 
-__all__ = ["evaluation_report", "fit_report", "table", "truth_table", "uncertain"]
+__all__ = [
+    "between",
+    "channel_names",
+    "evaluation_report",
+    "fit_report",
+    "table",
+    "truth_table",
+    "uncertain",
+]
 
 Document = Mapping[str, Any]
 
@@ -25,19 +41,22 @@ def fit_report(document: Document, *, truth: Document | None = None) -> str:
     With the `truth`, named as in truth.json, the coefficients stand beside it.
     """
     attenuation = document["coefficients"]["attenuation"]
-    law = "attenuation f(d) = 1 / (c0 + c1 d + c2 d^2)" if attenuation else ""
+    law = f"attenuation {LAWS[attenuation['kind']]}" if attenuation else ""
     if truth is None:
         sections = [f"model {document['model']}", _rows_table(material_rows(document))]
         sections += [law, _rows_table(attenuation_rows(document))] if attenuation else []
     else:
         with_law = f"model {document['model']}{', ' * bool(law)}{law}"
         sections = [with_law, truth_table(truth, document)]
-    if attenuation is not None:
+    measured = reference_rows(document)
+    if measured:
+        square = " + l2 (d/d0)^2" if "l2" in attenuation else ""
         sections += [
             f"as measured, at the reference distance d0 = {attenuation['reference_distance']:.4g},"
-            " f(d) = f(d0) / (l0 + l1 d/d0 + l2 (d/d0)^2)",
-            _rows_table(reference_rows(document)),
+            f" f(d) = f(d0) / (l0 + l1 d/d0{square})",
+            _rows_table(measured),
         ]
+    sections.append(_intervals(document))
     sections.append(
         _wrapped(
             "The standard errors (+/-) are those of independent noise as large as the residual;"
@@ -65,7 +84,7 @@ def truth_table(truth: Document, document: Document) -> str:
     for row in (*material_rows(document), *attenuation_rows(document)):
         true = truth[row.name] if row.name in truth else truth["attenuation"][row.name]
         trues = true if isinstance(true, list) else [true] * len(row.values)
-        each = zip(_channels(len(row.values)), trues, row.values, row.errors, strict=True)
+        each = zip(channel_names(len(row.values)), trues, row.values, row.errors, strict=True)
         for channel, known, value, error in each:
             number, spread = uncertain(value, error, row.note)
             difference = value - known
@@ -75,7 +94,7 @@ def truth_table(truth: Document, document: Document) -> str:
     return table(lines, "<<>><>>")
 
 
-def uncertain(value: float | None, error: float | None, note: str = "") -> tuple[str, str]:
+def uncertain(value: Number, error: Number, note: str = "") -> tuple[str, str]:
     """A value and its standard error to the same decimal, the error with two digits."""
     if value is None:
         return "not finite", ""
@@ -85,6 +104,27 @@ def uncertain(value: float | None, error: float | None, note: str = "") -> tuple
         return f"{value:.10g}", f"+/- {error:.0e}"
     decimals = max(0, 1 - math.floor(math.log10(error)))
     return f"{value:.{decimals}f}", f"+/- {error:.{decimals}f}"
+
+
+def between(interval: Interval) -> str:
+    """The ends of an interval, with two digits of a quarter of its width: of a standard error."""
+    low, high = interval
+    if low is None or high is None:
+        if low is None and high is None:
+            return "not known"
+        return f"{low:.3g} or more" if low is not None else f"{high:.3g} or less"
+    width = (high - low) / 4
+    if width <= 1e-10 * abs(high) or width < 1e-12:
+        return f"{low:.10g} to {high:.10g}"
+    decimals = max(0, 1 - math.floor(math.log10(width)))
+    return f"{low:.{decimals}f} to {high:.{decimals}f}"
+
+
+def channel_names(count: int) -> list[str]:
+    """What the channels of an image are called; one has no name."""
+    if count == 1:
+        return [""]
+    return ["red", "green", "blue"] if count == 3 else [f"channel {c + 1}" for c in range(count)]
 
 
 def table(rows: Sequence[Sequence[str]], align: str) -> str:
@@ -105,7 +145,7 @@ def _rows_table(rows: Sequence[Row]) -> str:
     count = max((len(row.values) for row in rows), default=0)
     lines = []
     if count > 1:
-        lines.append(["", *(text for channel in _channels(count) for text in (channel, ""))])
+        lines.append(["", *(text for channel in channel_names(count) for text in (channel, ""))])
     for row in rows:
         pairs = zip(row.values, row.errors, strict=True)
         cells = [text for value, error in pairs for text in uncertain(value, error, row.note)]
@@ -113,10 +153,18 @@ def _rows_table(rows: Sequence[Row]) -> str:
     return table(lines, "<" + "><" * count)
 
 
-def _channels(count: int) -> list[str]:
-    if count == 1:
-        return [""]
-    return ["red", "green", "blue"] if count == 3 else [f"channel {c + 1}" for c in range(count)]
+def _intervals(document: Document) -> str:
+    """A line a coefficient that is not held, an interval a channel; nothing where there are none."""
+    everything = (*material_rows(document), *attenuation_rows(document), *reference_rows(document))
+    rows = [row for row in everything if row.intervals and not row.note]
+    if not rows:
+        return ""
+    count = max(len(row.values) for row in rows)
+    lines = [["", *channel_names(count)]] if count > 1 else []
+    for row in rows:
+        cells = [between(interval) for interval in row.intervals]
+        lines.append([row.name, *cells, *[""] * (count - len(cells))])
+    return f"95 % intervals\n{table(lines, '<' * (count + 1))}"
 
 
 def _residual(document: Document) -> str:
@@ -147,7 +195,7 @@ def _each_image(rows: Sequence[Document]) -> str:
     return table(lines, "<>>>")
 
 
-def _share(value: float | None) -> str:
+def _share(value: Number) -> str:
     return "not finite" if value is None else f"{value:.3g}"
 
 

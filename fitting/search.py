@@ -6,7 +6,7 @@ on all pixels, and a second one that is as good as the first is to be known. All
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -17,9 +17,9 @@ import optimistix as optx
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from diffshade.fusion import compiler_options
 from fitting.limits import Grid
 from fitting.project import Linearised, Problem, compressed_residual, cost, linearise, predict
+from fitting.sharding import over_devices
 from fitting.solver import BoundedLevenbergMarquardt
 from fitting.stream import Block, sum_over_blocks
 from fitting.weights import Judge, robust_scale
@@ -64,12 +64,12 @@ class Found(eqx.Module):
 
 def search(problem: Problem, grid: Grid, box: tuple[Array, Array], solver: Solver | None) -> Found:
     """Minimise over u in its box, from the basins of the grid, compiled for the platform."""
-    return _program()(problem, grid, box, solver)
+    return _program(solver)(problem, grid, box)
 
 
 @cache
-def _program() -> Callable[..., Found]:
-    return jax.jit(minimise, static_argnums=3, compiler_options=compiler_options())
+def _program(solver: Solver | None) -> Callable[..., Found]:
+    return over_devices(partial(minimise, solver=solver))
 
 
 class _State(NamedTuple):
@@ -119,7 +119,8 @@ def minimise(
         # Rounding takes about eps of the reference's cost from the cost.
         settled = 1e3 * jnp.finfo(u.dtype).eps * at.reference_cost <= at.cost
         moved = jnp.max(jnp.abs(at.k - part.reference), initial=0)
-        settled |= moved <= 1e-3 * jnp.max(jnp.abs(at.k), initial=0)
+        close = min(1e-3, 10 * float(jnp.finfo(u.dtype).eps) ** 0.5)
+        settled |= moved <= close * jnp.max(jnp.abs(at.k), initial=0)
         if model.dependent is not None:
             settled &= jnp.all(problem.model.depending_on(u).dependent == model.dependent)
         judge, gains = problem.judge, problem.gains
@@ -132,7 +133,8 @@ def minimise(
             judge = Judge(judge.weighting, u, at.k, scale, (state.round + 1).astype(u.dtype))
         if gains is not None:
             assert at.gains is not None
-            gains = jnp.where(sampling, gains, at.gains)
+            assert state.gains is not None
+            gains = jnp.where(sampling, gains, at.gains.best)
             settled &= jnp.max(jnp.abs(gains - state.gains)) <= still
         settled |= sampling | (state.round + 1 >= (MAX_JUDGED if follows else MAX_ROUNDS))
         finished = jnp.where(sampling, state.finished, state.finished.at[j].set(left))
@@ -214,13 +216,14 @@ def _nothing(problem: Problem, starts: Float[Array, "M q"], k: Float[Array, "M C
 def _noise(problem: Problem, u: Float[Array, "q"], k: Float[Array, "C p"]) -> Float[Array, ""]:
     """The noise level at u and k, whatever outliers there are, from a sample of all images."""
     assert problem.judge is not None
+    weighting = problem.judge.weighting
     residuals, used = [], []
     for group, gains in problem.each_group():
         sample = group.sample(max(SAMPLE, 8192 // len(group.weight)))
 
         def of_block(block: Block, gain: Float[Array, ""] | None) -> tuple[Array, Array]:
             predicted = predict(problem.model.columns(u, block, gain), k)
-            residual = problem.judge.weighting.standardised(predicted, block.observed)
+            residual = weighting.standardised(predicted, block.observed)
             known = jnp.broadcast_to(block.weight[None] > 0, residual.shape)
             return residual, known if block.clipped is None else known & ~block.clipped
 
@@ -255,13 +258,17 @@ def _descend(
         return u, linearise(problem, u), jnp.zeros((), int), jnp.ones((), bool)
     tolerance: Any = jnp.where(sampling, 1e-4, _tolerance(u.dtype)).astype(u.dtype)
 
+    # What a sample found is close: Gauss and Newton's own step, along valleys too.
+    damping: Any = jnp.where(sampling, 1e-2, 1e-9).astype(u.dtype)
+    ours = BoundedLevenbergMarquardt(tolerance, tolerance, lower, upper, damping=damping)
+
     def residual(u: Float[Array, "q"], problem: Problem) -> tuple[Array, Linearised]:
         # Ours stays in the box by itself.
         return compressed_residual(u if solver is None else jnp.clip(u, lower, upper), problem)
 
     solution: Any = optx.least_squares(
         residual,  # type: ignore[arg-type]
-        BoundedLevenbergMarquardt(tolerance, tolerance, lower, upper) if solver is None else solver,
+        ours if solver is None else solver,
         u,
         args=problem,
         has_aux=True,

@@ -58,7 +58,7 @@ class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
         curvature = jnp.diagonal(hessian)
         curvature = jnp.maximum(curvature, 1e-6 * jnp.max(curvature) + float(info.tiny) ** 0.5)
         # Never so little that a singular matrix could not be factorised.
-        least = 8 * y.size * float(info.eps)
+        least = 2 * y.size * float(info.eps)
         damping = jnp.maximum(1 / jnp.maximum(step_size, float(info.tiny) ** 0.5), least)
         scale = 1 / jnp.sqrt(curvature)
         damped = hessian * jnp.outer(scale, scale) + damping * jnp.eye(y.size, dtype=y.dtype)
@@ -88,7 +88,7 @@ class _TrustRegion(optx.ClassicalTrustRegion):
     to follow: otherwise a search that has arrived would reject its own noise until its steps run out.
     """
 
-    first_step_size: float = 100.0
+    first_step_size: Tolerance = 100.0
 
     def init(self, y: PyTree, f_info_struct: Any) -> Any:
         state = super().init(y, f_info_struct)
@@ -116,23 +116,36 @@ class BoundedLevenbergMarquardt(optx.AbstractGaussNewton):
     """Minimise |r(y)|^2 over a box, lower <= y <= upper, by `optimistix.least_squares`.
 
     Every iterate lies in the box. `y` is one flat vector. Converges to the constrained minimum, also
-    where some bounds are active, which clipping after an unconstrained step does not.
+    where some bounds are active, which clipping after an unconstrained step does not. `damping` is
+    that of the first step, in parts of each unknown's curvature.
     """
 
-    rtol: Tolerance
-    atol: Tolerance
+    rtol: Tolerance  # type: ignore[assignment]
+    atol: Tolerance  # type: ignore[assignment]
     norm: Callable[[PyTree], Scalar]
     descent: BoundedDampedDescent
     search: _TrustRegion
     verbose: Callable[..., None]
 
-    def __init__(self, rtol: Tolerance, atol: Tolerance, lower: Vector, upper: Vector) -> None:
+    def __init__(
+        self,
+        rtol: Tolerance,
+        atol: Tolerance,
+        lower: Vector,
+        upper: Vector,
+        *,
+        damping: Tolerance = 0.01,
+    ) -> None:
         self.rtol = rtol
         self.atol = atol
         self.norm = optx.max_norm
         self.descent = BoundedDampedDescent(lower, upper)
         self.search = _TrustRegion(
-            high_cutoff=0.75, low_cutoff=1e-3, high_constant=8.0, low_constant=0.2
+            high_cutoff=0.75,
+            low_cutoff=1e-3,
+            high_constant=8.0,
+            low_constant=0.2,
+            first_step_size=1 / damping,
         )
         self.verbose = _silent
 

@@ -35,9 +35,10 @@ def sum_over_blocks(
 ) -> T:
     """The sums of `of_block(block, gain)` over the blocks of each image: every leaf [K, ...].
 
-    How many blocks are visited is a value, not a shape: few and all run in one program.
+    How many blocks are visited is a value, not a shape: few and all run in one program. Blocks that
+    lie on several devices are summed by each of these, and the sums added up.
     """
-    visited = jnp.minimum(group.count, most_blocks)
+    visited = group.own(jnp.minimum(group.count, most_blocks))
 
     def of_image(_: None, image: tuple[Any, ...]) -> tuple[None, T]:
         scene, observed, weight, clipped, gain = image
@@ -48,6 +49,8 @@ def sum_over_blocks(
             return of_block(Block(surface, scene, y, w, limits), gain)
 
         nothing = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(lambda: at(0)))
+        if group.mesh is not None:
+            nothing = lax.pcast(nothing, group.mesh.axis_names, to="varying")
 
         def add_block(b: Array, total: T) -> T:
             return jax.tree.map(jnp.add, total, at(b))
@@ -55,4 +58,8 @@ def sum_over_blocks(
         return None, lax.fori_loop(0, visited, add_block, nothing)
 
     images = (group.scenes, group.observed, group.weight, group.clipped, gains)
-    return lax.scan(of_image, None, images)[1]
+    sums = lax.scan(of_image, None, images)[1]
+    if group.mesh is None:
+        return sums
+    devices = group.mesh.axis_names
+    return jax.tree.map(lambda own: lax.psum(own, devices).astype(own.dtype), sums)

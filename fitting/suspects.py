@@ -11,7 +11,7 @@ __all__ = ["SuspectImage", "suspects"]
 
 FEWEST = 5
 """Images among which one can stand out."""
-SPREADS = 6.0
+SPREADS = 3.5
 """Robust standard deviations of the logarithm of the residual beyond which an image stands out ..."""
 FACTOR = 1.5
 """... where it is also so many times the typical one."""

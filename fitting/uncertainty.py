@@ -27,6 +27,7 @@ from jaxtyping import Array, Bool, Float
 from diffshade.arrays import ArrayLike
 from fitting.intervals import NORMAL, bounded_interval, quantile
 from fitting.null_space import Spectrum, spectrum
+from fitting.project import Gains
 
 __all__ = ["Uncertainty", "propagate"]
 
@@ -101,13 +102,15 @@ def propagate(
     *,
     bounds: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]] | None = None,
     noise: float | None = None,
+    gains: Gains | None = None,
 ) -> Uncertainty:
     """From the information matrix at the minimum to the errors of `report(k, u)`.
 
     `known` marks, of k (channel after channel) and then of u, what is held or depends on others;
     `bounds` are the lower and upper bounds of the same, infinite where there is none. `noise` is
     the standard deviation of an observation, by default that of the residual, sqrt(cost / degrees
-    of freedom), whose own error the intervals allow for by Student's t.
+    of freedom), whose own error the intervals allow for by Student's t. `gains`, where they are
+    unknown too, are eliminated.
 
     `report` gives named arrays, and is a pytree, so that it compiles once: a method of an Equinox
     module, or a `jax.tree_util.Partial`. A name that ends in "shininess" has its interval on the
@@ -118,6 +121,8 @@ def propagate(
     rows = np.asarray(rows, np.float64)
     position = np.concatenate([np.ravel(at.k), np.ravel(u)]).astype(np.float64)
     information, gradient = _assemble(np.asarray(at.information, np.float64), at.k.shape[1])
+    if gains is not None:
+        information = information - _told_by_gains(gains, at.k.shape[1])
     found = spectrum(information, ~known, float(np.finfo(at.k.dtype).eps))
 
     lower, upper = (np.full_like(position, edge) for edge in (-np.inf, np.inf))
@@ -207,6 +212,21 @@ def _assemble(
         information[k:, own] = gram[p:-1, :p]
     information[k:, k:] = grams[:, p:-1, p:-1].sum(axis=0)
     return information, np.concatenate([grams[:, :p, -1].ravel(), grams[:, p:-1, -1].sum(axis=0)])
+
+
+def _told_by_gains(gains: Gains, p: int) -> Float[np.ndarray, "n n"]:
+    """What unknown gains take from the information: they are eliminated, their mean kept at 1.
+
+    With S = diag(square) and V the crossed products this is V'S^-1 V - s s'/(1'S^-1 1), s = V'S^-1 1.
+    """
+    crossed, square = (np.asarray(x, np.float64) for x in (gains.crossed, gains.square))
+    v = np.concatenate(
+        [crossed[:, :, :p].reshape(len(square), -1), crossed[:, :, p:].sum(axis=1)], axis=1
+    )
+    lit = square > 0
+    v, inverse = v[lit], 1 / square[lit]
+    common = inverse @ v
+    return (v.T * inverse) @ v - np.outer(common, common) / max(inverse.sum(), 1e-300)
 
 
 def _at_bounds(

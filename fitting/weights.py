@@ -123,5 +123,5 @@ class Judge(eqx.Module):
 
 
 def robust_scale(residuals: Float[Array, "..."], used: Bool[Array, "..."]) -> Float[Array, ""]:
-    """The standard deviation of normal noise, from the median absolute deviation: outliers do not move it."""
+    """The standard deviation of normal noise, from the median absolute deviation."""
     return MAD * jnp.nanmedian(jnp.where(used, jnp.abs(residuals), jnp.nan))

@@ -19,6 +19,10 @@ def pytest_configure(config: pytest.Config) -> None:
     jax.config.update("jax_enable_x64", config.getoption("--precision") == "64")
     jax.config.update("jax_numpy_dtype_promotion", "strict")
     jax.config.update("jax_numpy_rank_promotion", "raise")
+    # Compiling takes most of the time of a fit: programs are kept from run to run.
+    assert config.cache is not None
+    jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
     # Commands that tests start run at the same precision, and share one cache of compiled programs.
     os.environ["JAX_ENABLE_X64"] = str(config.getoption("--precision") == "64")
 

@@ -91,6 +91,21 @@ def test_the_three_panels() -> None:
     np.testing.assert_allclose(picture[-1, -1], plot.COLOURS[0])
 
 
+def test_a_map_of_what_was_left_out() -> None:
+    foreground = np.zeros((40, 50), bool)
+    foreground[10:20, 10:20] = True
+    clipped, broken = np.zeros_like(foreground), np.zeros_like(foreground)
+    clipped[12, 11:13] = broken[12, 12] = True
+    reasons = {"clipped": clipped, "not finite or not opaque": broken}
+    shown = plot.left_out(foreground, reasons)
+    assert shown.shape == (16, 16, 3)  # a margin of three pixels
+    np.testing.assert_allclose(shown[0, 0], plot.BACKGROUND)
+    np.testing.assert_allclose(shown[3, 3], plot.USED)
+    np.testing.assert_allclose(shown[5, 4], plot.REASONS["clipped"])
+    np.testing.assert_allclose(shown[5, 5], plot.REASONS["not finite or not opaque"])
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) == 4
+
+
 def test_a_comparison_is_cropped_to_the_object() -> None:
     big = np.zeros((60, 80), bool)
     big[20:30, 40:45] = True

@@ -12,7 +12,7 @@ from diffshade.io.toml_document import Table
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
-    from diffshade.light.attenuation import QuadraticAttenuation
+    from diffshade.light.attenuation import AbstractAttenuation
     from diffshade.reflectance.material import Material
 
 __all__ = ["evaluate", "evaluate_capture"]
@@ -87,7 +87,7 @@ def _check(
     capture: Capture,
     path: Path,
     material: Material,
-    attenuation: QuadraticAttenuation | None,
+    attenuation: AbstractAttenuation | None,
     fit_json: Path,
 ) -> None:
     """Refuse a fit that is not for captures of this form."""

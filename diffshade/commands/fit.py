@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from diffshade.reflectance.material import Material
     from fitting.estimate import Fit
 
-__all__ = ["Fitted", "Hold", "fit", "fit_capture"]
+__all__ = ["Fitted", "Hold", "fit", "fit_capture", "fit_into"]
 
 Hold = tuple[str, tuple[float, ...]]
 """The name of a coefficient and the value it is held at: one number, or one a channel."""
@@ -31,12 +31,11 @@ class Fitted:
     fit: Fit
     document: dict[str, Any]
 
-    def write(self, folder: Path, document: Mapping[str, Any], report: str) -> None:
-        """Write a folder of results."""
+    def write(self, folder: Path, document: Mapping[str, Any], report: str, title: str) -> None:
+        """Write a folder of results; `title` is that of the page."""
         progress(f"writing {folder}")
-        write_folder(
-            folder, document, report, self.capture, self.fit.material, tuple(self.fit.scene)
-        )
+        scenes = tuple(self.fit.scene)
+        write_folder(folder, document, report, title, self.capture, self.fit.material, scenes)
 
     @property
     def status(self) -> int:
@@ -44,30 +43,27 @@ class Fitted:
         return 0 if self.fit.converged else 1
 
 
-def fit(
-    path: Path,
-    *,
-    out: Path | None,
-    as_json: bool,
-    model: str,
-    hold: tuple[Hold, ...],
-    white: float | None,
-    circle: tuple[float, float, float] | None,
-    encoding: str | float | None,
-) -> int:
-    """Fit a capture, print the result, write it where `out` says; returns the exit status."""
+def fit(path: Path, *, out: Path | None, as_json: bool, **options: Any) -> int:
+    """Fit a capture, print the result, write it where `out` says; returns the exit status.
+
+    The options are those of `fit_capture`.
+    """
+    fitted, report = fit_into(out, path, **options)
+    show(fitted.document, report, as_json=as_json)
+    return fitted.status
+
+
+def fit_into(out: Path | None, path: Path, **options: Any) -> tuple[Fitted, str]:
+    """Fit a capture and write it where `out` says; the fit and its report."""
     from fitting.report_text import fit_report
 
     if out is not None:
         check_folder(out)
-    fitted = fit_capture(
-        path, model=model, hold=hold, white=white, circle=circle, encoding=encoding
-    )
+    fitted = fit_capture(path, **options)
     report = fit_report(fitted.document)
     if out is not None:
-        fitted.write(out, fitted.document, report)
-    show(fitted.document, report, as_json=as_json)
-    return fitted.status
+        fitted.write(out, fitted.document, report, f"A fit of {path.resolve().name}")
+    return fitted, report
 
 
 def fit_capture(
@@ -75,11 +71,16 @@ def fit_capture(
     *,
     model: str = "phong",
     hold: tuple[Hold, ...] = (),
+    robust: bool = False,
+    censor: bool = False,
+    gains: bool = False,
+    certify: bool = False,
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
+    devices: Sequence[Any] | None = None,
 ) -> Fitted:
-    """Read a capture and fit it."""
+    """Read a capture and fit it, on one device of JAX or on several."""
     started = perf_counter()
     progress(f"reading {path}")
     import fitting
@@ -101,7 +102,13 @@ def fit_capture(
             material=held,
             attenuation=capture.fit_attenuation,
             hold=[name for name, _ in hold],
+            robust="tukey" if robust else None,
             valid=capture.valid,
+            clipped=capture.clipped if censor else None,
+            gains=gains,
+            certify=certify,
+            profiles=certify,
+            devices=devices,
         )
     seconds = {"load": loaded - started, "fit": perf_counter() - loaded}
     return Fitted(capture, found, fit_to_json(found, capture, model=model, seconds=seconds))

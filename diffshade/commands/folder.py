@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diffshade.commands.console import to_text
-from diffshade.commands.pictures import earlier_pictures, write_pictures
+from diffshade.commands.pictures import (
+    compare,
+    earlier_pictures,
+    page_pictures,
+    write_pictures,
+)
 from diffshade.errors import BadInput
 from diffshade.io.atomic import replacing
 
@@ -35,14 +40,18 @@ def write_folder(
     folder: Path,
     document: Mapping[str, Any],
     report: str,
+    title: str,
     capture: Capture,
     material: Material,
     scenes: tuple[Scene, ...],
 ) -> None:
-    """Write the pictures, `report.txt` and, last, `fit.json`; each file whole or not at all.
+    """Write the pictures, `report.txt`, `report.html` and, last, `fit.json`; each file whole or not
+    at all. `title` is that of the page.
 
     The `fit.json` of an earlier fit is removed first, and then its pictures.
     """
+    from fitting.report_html import fit_page
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if (folder / "fit.json").exists():
@@ -53,8 +62,11 @@ def write_folder(
         raise BadInput(
             f"{folder}: cannot be written ({error.strerror}); name another folder"
         ) from None
-    pictures = write_pictures(folder, capture, material, scenes)
-    _write_text(folder / "report.txt", f"{report}\n\n{pictures}\n")
+    compared = compare(capture, material, scenes)
+    legend = write_pictures(folder, compared)
+    _write_text(folder / "report.txt", f"{report}\n\n{legend}\n")
+    page = fit_page(document, page_pictures(compared), title=title)
+    _write_text(folder / "report.html", page)
     _write_text(folder / "fit.json", to_text(document) + "\n")
 
 

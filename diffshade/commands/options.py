@@ -1,10 +1,18 @@
 """Options that are more than a word: parsed, checked, and refused in one line."""
 
 import math
+import re
 
 from diffshade.commands.console import WrongUsage
 
-__all__ = ["parse_circle", "parse_encoding", "parse_hold", "parse_white"]
+__all__ = [
+    "parse_circle",
+    "parse_coordinator",
+    "parse_encoding",
+    "parse_hold",
+    "parse_share",
+    "parse_white",
+]
 
 
 def parse_white(text: str | None) -> float | None:
@@ -46,6 +54,27 @@ def parse_hold(text: str) -> tuple[str, tuple[float, ...]]:
     if min(values) < 0:
         raise WrongUsage(f"--hold {text}: give {wanted}")
     return name, values
+
+
+def parse_share(option: str, text: str | None) -> tuple[int, int] | None:
+    """One of several, counted from 1: "2/4"."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
+    share, shares = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= share <= shares:
+        raise WrongUsage(f"{option} {text}: give I/N with I from 1 to N, such as 2/4")
+    return share, shares
+
+
+def parse_coordinator(text: str | None) -> str | None:
+    """A host and a port, "host:port"."""
+    if text is not None:
+        found = re.fullmatch(r"[^\s:]+:(\d{1,5})|\[[^\s\]]+\]:(\d{1,5})", text)
+        port = int(found[1] or found[2]) if found else 0
+        if not 1 <= port <= 65535:
+            raise WrongUsage(f"--coordinator {text}: give host:port, such as 10.0.0.1:5000")
+    return text
 
 
 def _numbers(

@@ -9,6 +9,7 @@ from abc import abstractmethod
 from typing import NamedTuple, SupportsIndex
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -53,14 +54,7 @@ class AbstractCamera(eqx.Module):
 
     def axes(self) -> tuple[Vec3, Vec3, Vec3]:
         """Unit vectors to the right of the image, to its top, and towards the viewer."""
-        here = jnp.zeros_like(self.up) if self.position is None else self.position
-        if self.target is None:
-            towards = jnp.array([0, 0, 1], here.dtype) if self.position is None else here
-        else:
-            towards = here - self.target
-        back = unit(Vec3.from_array(towards))
-        right = unit(cross(Vec3.from_array(self.up), back))
-        return right, cross(back, right), back
+        return _axes(self.position, self.target, self.up)
 
     def centred(self, index: Int[Array, "P"]) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
         """Pixel centres from the image's centre, in pixels: to the right, and upwards."""
@@ -70,13 +64,34 @@ class AbstractCamera(eqx.Module):
         return column + (0.5 - self.width / 2), (self.height / 2 - 0.5) - row
 
     def _check_axes(self) -> None:
-        right, _, back = (np.asarray(axis.to_array()) for axis in self.axes())
+        right, _, back = np.asarray(_axis_rows(self.position, self.target, self.up))
         if not back.any():
             raise BadInput("the camera's position and target are the same point: move one of them")
         if not right.any():
             raise BadInput(
                 f"the camera looks along its own up direction, {_brief(self.up)}: give another up"
             )
+
+
+def _axes(
+    position: Float[Array, "3"] | None, target: Float[Array, "3"] | None, up: Float[Array, "3"]
+) -> tuple[Vec3, Vec3, Vec3]:
+    here = jnp.zeros_like(up) if position is None else position
+    if target is None:
+        towards = jnp.array([0, 0, 1], here.dtype) if position is None else here
+    else:
+        towards = here - target
+    back = unit(Vec3.from_array(towards))
+    right = unit(cross(Vec3.from_array(up), back))
+    return right, cross(back, right), back
+
+
+@jax.jit
+def _axis_rows(
+    position: Float[Array, "3"] | None, target: Float[Array, "3"] | None, up: Float[Array, "3"]
+) -> Float[Array, "3 3"]:
+    """The axes as rows, in one program: one after the other each operation would be compiled."""
+    return jnp.stack([axis.to_array() for axis in _axes(position, target, up)])
 
 
 class OrthographicCamera(AbstractCamera):
@@ -132,7 +147,7 @@ class OrthographicCamera(AbstractCamera):
         )
 
     def check(self) -> None:
-        if not self.extent > 0:
+        if not float(self.extent) > 0:
             raise BadInput(f"extent is {float(self.extent):g}: the image's width must be above 0")
         self._check_axes()
 
@@ -164,7 +179,7 @@ class PerspectiveCamera(AbstractCamera):
         return Rays(Vec3.from_array(self.position), direction)
 
     def check(self) -> None:
-        if not 0 < self.fov < math.pi:
+        if not 0 < float(self.fov) < math.pi:
             raise BadInput(
                 f"fov is {float(self.fov):g}: a vertical field of view lies between 0 and pi radians"
                 " (60 degrees are 1.047)"

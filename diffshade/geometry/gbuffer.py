@@ -1,12 +1,14 @@
 """The G-buffer: what shading needs to know of the surface behind each foreground pixel."""
 
+from contextlib import nullcontext
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
-from diffshade.arrays import ArrayLike, is_concrete, vector
+from diffshade.arrays import ArrayLike, is_concrete, is_outermost, vector
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import AbstractCamera
 from diffshade.geometry.frequency import AbstractFrequency, PhongShading, Spread
@@ -128,7 +130,8 @@ def visibility(geometry: AbstractSurface, camera: AbstractCamera) -> Visibility:
             "visibility was asked for inside jit, grad or vmap, where it cannot be decided: compute"
             " ds.visibility(geometry, camera) outside and pass it to ds.gbuffer"
         )
-    with jax.ensure_compile_time_eval():
+    # Inside a `jit` what is concrete is computed at once; outside, that would slow the first call.
+    with nullcontext() if is_outermost() else jax.ensure_compile_time_eval():
         camera.check()
         return geometry.visibility(camera)
 

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from diffshade import guard
 from diffshade.arrays import vector
@@ -33,9 +33,9 @@ class Sphere(AbstractSurface):
     radius: Float[Array, ""] = eqx.field(converter=number("the sphere's radius"), default=1.0)
 
     def visibility(self, camera: AbstractCamera) -> Visibility:
-        if not self.radius > 0:
+        if not float(self.radius) > 0:
             raise BadInput(f"the sphere's radius is {float(self.radius):g}: it must be above 0")
-        seen = np.asarray(_sees(self, camera))
+        seen = np.asarray(_sees(self, camera, jnp.asarray(np.arange(camera.width * camera.height))))
         return Visibility(
             (camera.height, camera.width), jnp.asarray(np.flatnonzero(seen), dtype=jnp.int32)
         )
@@ -61,8 +61,7 @@ class Sphere(AbstractSurface):
 
 
 @jax.jit
-def _sees(sphere: Sphere, camera: AbstractCamera) -> Array:
-    pixels = jnp.arange(camera.width * camera.height)
+def _sees(sphere: Sphere, camera: AbstractCamera, pixels: Int[Array, "N"]) -> Bool[Array, "N"]:
     along, depth_squared = sphere._closest(camera, pixels)
     in_front = camera.position is None or along - guard.sqrt(depth_squared) > 0
     return (depth_squared >= 0) & in_front

@@ -15,7 +15,7 @@ from diffshade.io.photographs import Photograph
 
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
-    from diffshade.light.attenuation import QuadraticAttenuation
+    from diffshade.light.attenuation import AbstractAttenuation
     from diffshade.scene import Scene
 
 __all__ = ["Capture", "assemble"]
@@ -41,7 +41,7 @@ class Capture:
     """The geometry; its foreground is the mask."""
     scenes: tuple[Scene, ...]
     """The light that each image was taken under."""
-    fit_attenuation: type[QuadraticAttenuation] | None = None
+    fit_attenuation: type[AbstractAttenuation] | None = None
     """The attenuation whose constants are to be fitted, one set for all lights; None: all known."""
     notes: tuple[str, ...] = ()
     """What was assumed or found on reading, one line each, for the user to see."""
@@ -53,7 +53,7 @@ def assemble(
     scenes: Sequence[Scene],
     *,
     divisors: Sequence[Colour] | None = None,
-    fit_attenuation: type[QuadraticAttenuation] | None = None,
+    fit_attenuation: type[AbstractAttenuation] | None = None,
     notes: Sequence[str] = (),
 ) -> Capture:
     """A capture from its parts; image k is divided by `divisors[k]` after clipping was decided."""

@@ -1,11 +1,15 @@
 """`capture.toml`: photographs, and the geometry, camera and lights they were taken with.
 
 Nothing is divided: intensities and I_a are part of the model. An image without its own word on
-encoding needs `encoding` here. `attenuation = { kind = "quadratic" }` without numbers asks for one
-set of constants to be fitted for all point lights, so all of them say so, or none.
+encoding needs `encoding` here. `attenuation = { kind = "quadratic" }` without numbers, or "linear"
+or "exponential", asks for one set of constants to be fitted for all point lights, so all of them say so,
+or none.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from diffshade.errors import BadInput
 from diffshade.io.capture import Capture, assemble
@@ -24,6 +28,9 @@ from diffshade.io.toml_tables import (
     view_through,
 )
 
+if TYPE_CHECKING:
+    from diffshade.light.attenuation import AbstractAttenuation
+
 __all__ = ["SCHEMA", "read_capture_toml"]
 
 SCHEMA = "diffshade.capture/1"
@@ -33,7 +40,6 @@ def read_capture_toml(
     path: Path, *, white: float | None = None, encoding: str | float | None = None
 ) -> Capture:
     """Read a `capture.toml`; options as `read_capture`. Raises `BadInput`."""
-    from diffshade.light.attenuation import QuadraticAttenuation
     from diffshade.scene import Scene
 
     top = read_toml(path)
@@ -81,7 +87,7 @@ def read_capture_toml(
         photographs,
         gbuffer,
         scenes,
-        fit_attenuation=QuadraticAttenuation if fitted else None,
+        fit_attenuation=fitted,
         notes=lost_pixels(mask, gbuffer),
     )
 
@@ -105,16 +111,22 @@ def _lights(entry: Table, *, lit: bool) -> list[Table]:
     return lights
 
 
-def _fitted(lights: list[Table]) -> bool:
-    """Whether the attenuation is to be fitted; then that of every point light is."""
+def _fitted(lights: list[Table]) -> type[AbstractAttenuation] | None:
+    """The law that is to be fitted, if any is; then every point light has it."""
+    from diffshade.light import attenuation as laws
+
     asked = [light for light in lights if asks_for_fit(light)]
     if not asked:
-        return False
+        return None
+    kind = asks_for_fit(asked[0])
     for light in lights:
-        if light.values.get("kind") == "point" and not asks_for_fit(light):
-            light.fail(
-                f"its attenuation is known where that of {asked[0].place} is to be fitted, and one"
-                ' set is fitted for all point lights; give every one { kind = "quadratic" }, or'
-                " every one its numbers"
-            )
-    return True
+        if light.values.get("kind") != "point" or asks_for_fit(light) == kind:
+            continue
+        light.fail(
+            f"its attenuation is {'of another kind' if asks_for_fit(light) else 'known'} where that"
+            f" of {asked[0].place} is to be fitted, and one set is fitted for all point lights; give"
+            f' every one {{ kind = "{kind}" }}, or every one its numbers'
+        )
+    if kind == "linear":
+        return laws.LinearAttenuation
+    return laws.QuadraticAttenuation if kind == "quadratic" else laws.ExponentialAttenuation

@@ -80,7 +80,7 @@ def read_scene_toml(path: Path) -> SceneFile:
     lights = top.tables("lights", "light") if "lights" in top else []
     for light in lights:
         if asks_for_fit(light):
-            light.fail("its attenuation has no numbers, which is for a fit; give c0, c1 and c2")
+            light.fail("its attenuation has no numbers, which is for a fit; give its constants")
     ambient = top.per_channel("ambient") if "ambient" in top else None
     if ambient is None and not lights:
         top.fail("there is no light; give lights, ambient, or both")

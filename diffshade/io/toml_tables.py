@@ -64,9 +64,12 @@ def read_light(table: Table) -> AbstractLight:
     return ParallelLight(direction, table.per_channel("intensity"))
 
 
-def asks_for_fit(light: Table) -> bool:
-    """Whether a light's attenuation is `{ kind = "quadratic" }`, without numbers."""
-    return light.values.get("attenuation") == {"kind": "quadratic"}
+def asks_for_fit(light: Table) -> str | None:
+    """The kind of a light's attenuation where it has no numbers: `{ kind = "quadratic" }`."""
+    for kind in ("quadratic", "linear", "exponential"):
+        if light.values.get("attenuation") == {"kind": kind}:
+            return kind
+    return None
 
 
 def channel_count(table: Table, key: str, images: int) -> None:
@@ -164,19 +167,26 @@ def _camera(table: Table) -> AbstractCamera:
 def _attenuation(table: Table) -> AbstractAttenuation:
     from diffshade.light import attenuation as f
 
+    unknown = set(table.values) == {"kind"}  # to be fitted; until then there is none
     match table.choice("kind", ("quadratic", "linear", "inverse_square", "exponential")):
         case "quadratic":
             constants: dict[str, Any] = {"c0": 1.0}
-            if set(table.values) != {"kind"}:
+            if not unknown:
                 table.expect(("kind", "c0"), ("c1", "c2"))
                 constants = {c: table.number(c, least=0.0) for c in table.values if c != "kind"}
             return f.QuadraticAttenuation(**constants)
         case "linear":
-            table.expect(("kind", "c0", "c1"))
-            return f.LinearAttenuation(table.number("c0", least=0.0), table.number("c1", least=0.0))
+            constants = {"c0": 1.0, "c1": 0.0}
+            if not unknown:
+                table.expect(("kind", "c0", "c1"))
+                constants = {c: table.number(c, least=0.0) for c in constants}
+            return f.LinearAttenuation(**constants)
         case "inverse_square":
             table.expect(("kind",))
             return f.InverseSquare()
         case _:
-            table.expect(("kind", "a"))
-            return f.ExponentialAttenuation(table.number("a", least=0.0))
+            constants = {"a": 0.0}
+            if not unknown:
+                table.expect(("kind", "a"))
+                constants["a"] = table.number("a", least=0.0)
+            return f.ExponentialAttenuation(**constants)

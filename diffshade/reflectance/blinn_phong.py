@@ -46,6 +46,7 @@ class BlinnPhong(AbstractLobe):
     ks: Float[Array, "..."] = eqx.field(converter=coefficients("ks"))
     shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "blinn_phong"
+    convex: ClassVar[bool] = True
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(n.h), minus infinity where the lobe is dark."""

@@ -13,9 +13,15 @@ Plane = Float[Array, "..."]
 
 
 class AbstractLobe(eqx.Module):
-    """A specular term k_s s(n, l, v). The radiance is linear in k_s; the shape s holds the rest."""
+    """A specular term k_s s(n, l, v). The radiance is linear in k_s; the shape s holds the rest.
+
+    `convex` says that s is not negative, and falls and is convex in the one coefficient of the lobe
+    that fitting searches, for all directions: a power x^n of 0 <= x <= 1 is. What was fitted can then
+    be proven to be the best.
+    """
 
     kind: eqx.AbstractClassVar[str]
+    convex: eqx.AbstractClassVar[bool]
     ks: eqx.AbstractVar[Float[Array, "..."]]
 
     @abstractmethod

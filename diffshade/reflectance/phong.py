@@ -45,6 +45,7 @@ class Phong(AbstractLobe):
     ks: Float[Array, "..."] = eqx.field(converter=coefficients("ks"))
     shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "phong"
+    convex: ClassVar[bool] = True
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(r.v), minus infinity where the lobe is dark."""

@@ -108,6 +108,17 @@ def test_several_images_share_one_material() -> None:
     assert len(fit.scene) == len(fit.per_image) == 3
 
 
+def test_grey_and_coloured_lights_in_one_fit() -> None:
+    lights = (ds.ParallelLight((-1, 1, 2)), ds.ParallelLight((1, 1, 2), (1.0, 0.9, 0.8)))
+    scenes = [ds.Scene(lights=light) for light in lights]
+    truth = ds.Material(kd=(0.5, 0.3, 0.2), specular=ds.Phong(0.4, 30.0))
+    images = [np.broadcast_to(ds.render(GBUFFER, s, truth), (96, 96, 3)) for s in scenes]
+    fit = fitting.fit(images, GBUFFER, scenes)
+    allowed = 1e-6 if jax.config.jax_enable_x64 else 1e-3
+    np.testing.assert_allclose(fit.material.specular[0].shininess, 30.0, rtol=allowed)
+    np.testing.assert_allclose(fit.material.kd, (0.5, 0.3, 0.2), rtol=allowed)
+
+
 def test_blinn_phong_and_lambert() -> None:
     scene = ds.Scene(lights=ds.ParallelLight((0.4, 0.3, 0.9)))
     allowed = 1e-6 if jax.config.jax_enable_x64 else 1e-3

@@ -1,7 +1,7 @@
 """Reports: the JSON documents, a material back from one, and the tables for people."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
@@ -15,11 +15,28 @@ from diffshade import BlinnPhong, Material, Phong, QuadraticAttenuation, Scene
 from diffshade.cli import Model
 from diffshade.errors import BadInput
 from diffshade.io.toml_document import Table
+from diffshade.light.attenuation import (
+    AbstractAttenuation,
+    ExponentialAttenuation,
+    LinearAttenuation,
+)
 from fitting.estimate import Fit
 from fitting.identify import Unidentified
 from fitting.named_models import MODELS, named_material
-from fitting.report import evaluation_to_json, fit_to_json, material_from_json
-from fitting.report_text import evaluation_report, fit_report, table, truth_table, uncertain
+from fitting.report import (
+    evaluation_to_json,
+    fit_to_json,
+    intervals_to_json,
+    material_from_json,
+)
+from fitting.report_text import (
+    between,
+    evaluation_report,
+    fit_report,
+    table,
+    truth_table,
+    uncertain,
+)
 from fitting.residual import Evaluation, ImageResidual
 
 KD, KS = (0.1, 0.2, 1 / 3), (0.5, 0.25, 0.125)
@@ -28,7 +45,7 @@ CAPTURE = SimpleNamespace(
     clipped=(np.array([[True, False]]), np.array([[True, True]])),
     notes=("images read as linear",),
 )
-PER_IMAGE = (ImageResidual(0.01, 100, 1), ImageResidual(0.03, 99, 2))
+PER_IMAGE = (ImageResidual(0.01, 100, 1), ImageResidual(0.03, 99, 3))
 LAW = {"c0": 1.0, "c1": 0.0, "c2": 0.25}
 
 
@@ -96,6 +113,7 @@ def test_a_fit_as_json() -> None:
         "relative_residual": 0.03,
         "pixels_used": 99,
         "pixels_clipped": 2,
+        "pixels_unusable": 1,
     }
     assert made["seconds"] == {"load": 0.5, "fit": 1.0}
 
@@ -109,6 +127,22 @@ def test_a_fitted_attenuation_as_json() -> None:
     assert found.keys() == errors.keys()
     assert errors["reference_distance"] is None
     assert errors["kd"] == [0.01] * 3
+
+
+def test_intervals_as_json() -> None:
+    fit = a_fit(attenuation=True)
+    ends = {
+        name: (fit.coefficients[name] - 2 * error, fit.coefficients[name] + 2 * error)
+        for name, error in fit.standard_errors.items()
+    }
+    made = json.loads(json.dumps(intervals_to_json(fit, ends), allow_nan=False))
+    assert made["ka"] is None
+    assert made["kd"][0] == pytest.approx([0.098, 0.102])
+    assert made["kd"][2] == [None, None]  # infinite
+    assert made["lobes"][0]["shininess"] == [None, None]  # held
+    assert made["attenuation"]["c2"] == pytest.approx([0.246, 0.254])
+    assert made["attenuation"]["ks"][0][1] == pytest.approx([0.23, 0.27])
+    assert made.keys() == document(attenuation=True)["coefficients"].keys()
 
 
 def test_an_evaluation_as_json() -> None:
@@ -154,7 +188,7 @@ def test_other_lobes_and_keys_of_later_versions_are_read() -> None:
         (lambda d: d["coefficients"]["lobes"][0].update(alpha=0.1), "alpha"),
         (lambda d: d["coefficients"]["lobes"][0].pop("shininess"), "shininess"),
         (lambda d: d["coefficients"]["lobes"][0].update(shininess=-1), "shininess"),
-        (lambda d: d["coefficients"]["attenuation"].update(kind="linear"), "attenuation: kind"),
+        (lambda d: d["coefficients"]["attenuation"].update(kind="cubic"), "attenuation: kind"),
         (lambda d: d["coefficients"]["attenuation"].pop("c2"), "c2"),
         (lambda d: d["coefficients"]["attenuation"].update(c1=None), "c1"),
     ],
@@ -196,6 +230,33 @@ def test_the_command_line_offers_the_models_that_have_names() -> None:
 )
 def test_a_value_and_its_error(value, error, note: str, reads: tuple[str, str]) -> None:
     assert uncertain(value, error, note) == reads
+
+
+@pytest.mark.parametrize(
+    ("interval", "reads"),
+    [
+        ((0.0996, 0.1004), "0.09960 to 0.10040"),
+        ((41.2, 88.7), "41 to 89"),
+        ((0.5, 0.5), "0.5 to 0.5"),
+        ((None, 88.7), "88.7 or less"),
+        ((41.2, None), "41.2 or more"),
+        ((None, None), "not known"),
+    ],
+)
+def test_an_interval_in_words(interval, reads: str) -> None:
+    assert between(interval) == reads
+
+
+def test_intervals_stand_below_the_errors() -> None:
+    made = {key: value for key, value in document().items() if key != "intervals"}
+    assert "95 % intervals" not in fit_report(made)
+    pairs = [[0.096, 0.104], [0.196, 0.204], [None, None]]
+    lobe = {"kind": "phong", "ks": pairs, "shininess": [None, None]}
+    made["intervals"] = {"ka": None, "kd": pairs, "lobes": [lobe], "attenuation": None}
+    below = fit_report(made).partition("95 % intervals")[2].splitlines()
+    assert below[1].split() == ["red", "green", "blue"]
+    assert " ".join(below[2].split()) == "kd 0.0960 to 0.1040 0.1960 to 0.2040 not known"
+    assert not any(line.startswith("shininess") for line in below[:5])  # held
 
 
 def test_columns_are_aligned() -> None:
@@ -253,3 +314,34 @@ def test_the_truth_beside_what_was_recovered() -> None:
     assert green == ["kd", "green", "0.1", "0.2000", "+/-", "0.0020", "+100.0000", "%", "+50.0"]
     shininess = next(line for line in lines if line.startswith("shininess")).split()
     assert shininess == ["shininess", "50", "60", "(held)", "+20.0000", "%"]
+
+
+@pytest.mark.parametrize(
+    ("law", "kind"),
+    [(LinearAttenuation(1.0, 0.25), "linear"), (ExponentialAttenuation(0.5), "exponential")],
+)
+def test_other_laws_are_written_and_read(law: AbstractAttenuation, kind: str) -> None:
+    """With the constants that they have, and no reference distance where none is meant."""
+    constants = {f.name: np.asarray(getattr(law, f.name)) for f in fields(law)}
+    plain = a_fit()
+    found = {f"attenuation.{name}": value for name, value in constants.items()}
+    shares = {"reference.l0": 0.7, "reference.l1": 0.3, "reference.kd": 0.5}
+    found |= {name: np.array(value) for name, value in shares.items() if kind == "linear"}
+    fit = replace(
+        plain,
+        coefficients=plain.coefficients | found,
+        standard_errors=plain.standard_errors | {name: np.array(0.01) for name in found},
+        reference_distance=2.0 if kind == "linear" else None,
+    )
+    made = fit_to_json(fit, CAPTURE, model="phong", seconds={"load": 0.5, "fit": 1.0})
+    written = made["coefficients"]["attenuation"]
+    assert written["kind"] == kind
+    assert ("l1" in written) == ("reference_distance" in written) == (kind == "linear")
+    read = material_from_json(as_table(made))[1]
+    assert type(read) is type(law)
+    assert {name: float(getattr(read, name)) for name in constants} == {
+        name: float(value) for name, value in constants.items()
+    }
+    report = fit_report(made)
+    assert ("f(d) = exp(-a d)" in report) == (kind == "exponential")
+    assert ("l0 + l1 d/d0)" in report) == (kind == "linear")

@@ -10,7 +10,11 @@ from capture_files import HEIGHT, SRGB, WIDTH, codes, disc, refusal, write_mask,
 
 import diffshade
 from diffshade.io.read_capture import read_capture
-from diffshade.light.attenuation import QuadraticAttenuation
+from diffshade.light.attenuation import (
+    ExponentialAttenuation,
+    LinearAttenuation,
+    QuadraticAttenuation,
+)
 from diffshade.light.parallel import ParallelLight
 from diffshade.light.point import PointLight
 
@@ -112,6 +116,27 @@ def test_a_folder_with_a_capture_is_that_capture(folder: Path) -> None:
     toml(folder)
     assert read_capture(folder).names == ("a.png", "b.png")
     assert "--circle" in refusal(folder, names=folder / "capture.toml", circle=(1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize("kind", ["linear", "exponential"])
+def test_other_laws_without_numbers_are_to_be_fitted(folder: Path, kind: str) -> None:
+    unknown, known = f'attenuation = {{ kind = "{kind}" }}', 'kind = "quadratic", c0 = 1, c1 = 0.0'
+    path = toml(
+        folder,
+        (f"attenuation = {{ {known}, c2 = 0.1 }}", unknown),
+        (f"{{ {POINT} }}", f"{{ {POINT}, {unknown} }}"),
+    )
+    law = {"linear": LinearAttenuation, "exponential": ExponentialAttenuation}[kind]
+    capture = read_capture(path)
+    assert capture.fit_attenuation is law
+    point = capture.scenes[1].lights[1]
+    assert isinstance(point.attenuation, law)
+    mixed = toml(
+        folder,
+        (f"attenuation = {{ {known}, c2 = 0.1 }}", unknown),
+        (f"{{ {POINT} }}", f'{{ {POINT}, attenuation = {{ kind = "quadratic" }} }}'),
+    )
+    assert "of another kind" in refusal(folder, names=mixed)
 
 
 def test_attenuation_without_numbers_is_to_be_fitted(folder: Path) -> None:

@@ -1,0 +1,132 @@
+"""Long work in blocks: progress after each, and a folder in which finished blocks outlive an interrupt.
+
+The folder holds `blocks.json`, which says what it is of, and a `block-00000.npz` for each finished
+block. Every file appears whole or not at all.
+"""
+
+import hashlib
+import json
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from diffshade.errors import BadInput
+
+__all__ = ["Arrays", "Folder", "Progress", "fingerprint", "in_blocks"]
+
+Arrays = dict[str, np.ndarray]
+Folder = str | os.PathLike[str]
+Progress = Callable[[int, int], object]
+
+SCHEMA = "diffshade.blocks/1"
+INDEX = "blocks.json"
+
+
+def fingerprint(*inputs: Any) -> str:
+    """A digest of trees of arrays: their structure, and every type, shape and value."""
+    digest = hashlib.blake2b(digest_size=16)
+    leaves, structure = jax.tree.flatten(inputs)
+    digest.update(str(structure).encode())
+    for leaf in leaves:
+        array = np.asarray(leaf)
+        digest.update(f"{array.dtype}{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
+
+
+def in_blocks(
+    count: int,
+    begin: Callable[[int], Callable[[], Arrays]],
+    *,
+    progress: Progress | None,
+    folder: Folder | None,
+    inputs: Callable[[], str],
+) -> Iterator[Arrays]:
+    """The results of `count` blocks in order.
+
+    `begin(i)` starts block i and returns what waits for its result: the next is begun before that of
+    the last is waited for. With a `folder` each is written as soon as it is there, and read, not
+    computed, where it was written before; `inputs()` is the digest of what all depends on.
+    `progress(finished, count)` is called after each; if it raises, what is finished stays written.
+    """
+    store = None if folder is None else _opened(Path(folder), inputs(), count)
+    waiting: Callable[[], Arrays] | None = None
+
+    def started(i: int) -> Callable[[], Arrays]:
+        path = None if store is None else store / f"block-{i:05d}.npz"
+        if path is not None and path.exists():
+            return lambda: _read(path)
+        wait = begin(i)
+        return wait if path is None else lambda: _written(path, wait())
+
+    for i in range(count):
+        current = started(i) if waiting is None else waiting
+        waiting = started(i + 1) if i + 1 < count else None
+        result = current()
+        if progress is not None:
+            progress(i + 1, count)
+        yield result
+
+
+def _opened(folder: Path, inputs: str, count: int) -> Path:
+    """The folder, if it is of the same work or empty."""
+    index = {"schema": SCHEMA, "inputs": inputs, "blocks": count}
+    path = folder / INDEX
+    if path.exists():
+        try:
+            found = json.loads(path.read_text())
+        except (OSError, ValueError):
+            found = None
+        if found != index:
+            raise BadInput(
+                f"{folder}: this folder holds blocks of other images, scenes or options; choose"
+                " another, or remove it to start again"
+            )
+        return folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(not file.name.startswith(".") for file in folder.iterdir()):
+            raise BadInput(
+                f"{folder}: this folder holds other files; choose an empty one, or a new name"
+            )
+        with _replacing(path) as temporary:
+            temporary.write_text(json.dumps(index))
+    except OSError as error:
+        raise BadInput(
+            f"{folder}: cannot be written ({error.strerror or error}); choose another place"
+        ) from None
+    return folder
+
+
+def _read(path: Path) -> Arrays:
+    with np.load(path, allow_pickle=False) as stored:
+        return dict(stored)
+
+
+def _written(path: Path, arrays: Arrays) -> Arrays:
+    try:
+        with _replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+    except OSError as error:
+        raise BadInput(
+            f"{path}: cannot be written ({error.strerror or error}); make room, and call again with"
+            " this folder to continue"
+        ) from None
+    return arrays
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """A temporary path that takes the place of `path` when the block ends well."""
+    temporary = path.parent / f".{path.name}-{secrets.token_hex(8)}.tmp"
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,159 @@
+"""A block of pixels under all lights, fitted chunk by chunk.
+
+A block is what is on the device at one time; a chunk is what a processor's cache holds. Directions,
+attenuation and basis are computed within a chunk, so that nothing of the size of all images is.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from diffshade.channels import Channels, channels, per_channel, times
+from diffshade.errors import BadInput
+from diffshade.fusion import compiler_options
+from diffshade.geometry.viewer import AbstractViewer
+from diffshade.light.base import AbstractLight
+from diffshade.reflectance.lambert import lambert
+from diffshade.reflectance.material import Material
+from diffshade.scene import Scene
+from diffshade.vector import Vec3, dot
+from fitting.pixel import PixelFit, PixelProblem, Settings, fit_pixels
+
+__all__ = ["Block", "Lamps", "fit_block", "lamps"]
+
+
+class Lamps(eqx.Module):
+    """The lights of K images: each slot holds one light of every image, its leaves [K, ...].
+
+    An image with fewer lights than another has dark ones. `ambient` is I_a, [K] or [K, C].
+    """
+
+    slots: tuple[AbstractLight, ...]
+    ambient: Float[Array, "K *C"] | Float[np.ndarray, "K *C"] | None
+
+
+class Block(NamedTuple):
+    """Pixels in n chunks: their surface, what K images show there, and which of it is used (1 or 0)."""
+
+    normal: Vec3
+    position: Vec3 | None
+    observed: Float[Array, "n C K P"] | Float[np.ndarray, "n C K P"]
+    weight: Float[Array, "n K P"] | Float[np.ndarray, "n K P"]
+
+
+def lamps(scenes: Sequence[Scene]) -> Lamps:
+    """The lights of all images, aligned: each slot is of one kind of light."""
+    kinds: dict[object, list[list[AbstractLight]]] = {}
+    for k, scene in enumerate(scenes):
+        for light in scene.lights:
+            leaves, structure = jax.tree.flatten(light)
+            kind = structure, *((np.shape(x), x.dtype) for x in leaves)
+            kinds.setdefault(kind, [[] for _ in scenes])[k].append(light)
+    slots: list[AbstractLight] = []
+    for images in kinds.values():
+        some = next(light for image in images for light in image)
+        dark = eqx.tree_at(lambda x: x.intensity, some, jnp.zeros_like(some.intensity))
+        for j in range(max(len(image) for image in images)):
+            row = [image[j] if j < len(image) else dark for image in images]
+            slots.append(jax.tree.map(lambda *leaves: np.stack(leaves), *row))
+    if not slots:
+        raise BadInput("no scene has a light: nothing tells kd, ks and the shininess of a pixel")
+    return Lamps(tuple(slots), _ambient(scenes))
+
+
+def _ambient(scenes: Sequence[Scene]) -> np.ndarray | None:
+    if all(scene.ambient is None for scene in scenes):
+        return None
+    each = [np.zeros(()) if s.ambient is None else np.asarray(s.ambient) for s in scenes]
+    if len({len(a) for a in each if a.ndim}) > 1:
+        raise BadInput("the ambient intensities have different numbers of channels: give the same")
+    return np.stack(np.broadcast_arrays(*each))
+
+
+def fit_block(
+    block: Block, lamps: Lamps, viewer: AbstractViewer, material: Material, settings: Settings
+) -> PixelFit:
+    """The fits of a block's pixels, [n, ..., P]; one program for all blocks of a size."""
+    return _program()(block, lamps, viewer, material, settings)
+
+
+@cache
+def _program() -> Any:
+    return jax.jit(_fit_chunks, static_argnums=4, compiler_options=compiler_options())
+
+
+def _fit_chunks(
+    block: Block, lamps: Lamps, viewer: AbstractViewer, material: Material, settings: Settings
+) -> PixelFit:
+    def fit_chunk(chunk: Block) -> PixelFit:
+        return fit_pixels(_problem(chunk, lamps, viewer, material), settings)
+
+    return lax.map(fit_chunk, block)
+
+
+def _problem(
+    chunk: Block, lamps: Lamps, viewer: AbstractViewer, material: Material
+) -> PixelProblem:
+    """What each pixel of a chunk receives from every light, and shows in every image."""
+    n, position, weight = chunk.normal, chunk.position, chunk.weight
+    v = viewer.direction(position)
+    (lobe,) = material.specular
+    diffuse: list[Channels] = []
+    specular: list[Channels] = []
+    angles = []
+    for slot in lamps.slots:
+
+        def arrives(light: AbstractLight) -> tuple[Array, Array, Array | None]:
+            l, f = light.incidence(position)
+            n_dot_l = dot(n, l)
+            return lambert(n_dot_l), lobe.angles(n, l, v, n_dot_l), f
+
+        cosine, angle, f = jax.vmap(arrives)(slot)
+        used = weight if f is None else weight * f
+        arriving = tuple(i[:, None] * used for i in _by_channel(slot.intensity))
+        angles.append(angle)
+        diffuse.append(_coloured(times(arriving, (cosine,)), material.od))
+        specular.append(_coloured(arriving, material.os))
+    plain = []
+    if material.ka is not None:
+        dark = (jnp.zeros(len(weight), weight.dtype),)
+        ambient = dark if lamps.ambient is None else _by_channel(lamps.ambient)
+        plain.append(_coloured(tuple(i[:, None] * weight for i in ambient), material.od))
+    if material.kd is not None:
+        count = max(len(term) for term in diffuse)
+        plain.append(tuple(sum(p[1:], p[0]) for p in _by_plane(diffuse, count)))
+    count = max(len(term) for term in (*plain, *specular))
+    channel_count = len(chunk.observed)
+    if count not in (1, channel_count):
+        raise BadInput(
+            f"the images have {channel_count} channels, and lights, ambient light or object colours"
+            f" {count}: give one number for all channels, or one a channel"
+        )
+    return PixelProblem(
+        lobe=lobe,
+        observed=tuple(chunk.observed),
+        plain=_by_plane(plain, count) or ((),) * count,
+        arriving=_by_plane(specular, count),
+        angles=tuple(angles),
+    )
+
+
+def _by_channel(of_images: Any) -> Channels:
+    """[K] for all channels, or one [K] a channel."""
+    return (of_images,) if of_images.ndim == 1 else tuple(of_images.T)
+
+
+def _coloured(term: Channels, colour: Float[Array, "..."] | None) -> Channels:
+    return term if colour is None else times(channels(colour), term)
+
+
+def _by_plane(terms: Sequence[Channels], count: int) -> tuple[Channels, ...]:
+    """From terms of channels to channels of terms."""
+    return tuple(zip(*(per_channel(term, count) for term in terms), strict=True))

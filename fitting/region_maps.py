@@ -1,0 +1,130 @@
+"""One material for every region, found by `fit` from the region's pixels alone."""
+
+from collections.abc import Callable
+from math import inf
+
+import numpy as np
+from jaxtyping import Int
+
+from diffshade.arrays import ArrayLike
+from diffshade.errors import BadInput
+from diffshade.geometry.gbuffer import GBuffer
+from diffshade.reflectance.material import Material
+from diffshade.shading.render import render
+from diffshade.vector import Vec3
+from fitting.estimate import fit
+from fitting.identify import NOISE
+from fitting.inputs import Photograph
+from fitting.limits import Bounds
+from fitting.map_planes import MapPlanes, map_names, width
+
+__all__ = ["RegionWork", "region_labels"]
+
+
+class RegionWork:
+    """Regions of pixels, each with one material, found by `fit` from its own pixels alone."""
+
+    def __init__(
+        self,
+        photographs: list[Photograph],
+        material: Material,
+        bounds: Bounds | None,
+        labels: Int[np.ndarray, "P"],
+        brightest: float,
+    ) -> None:
+        self.photographs, self.material = photographs, material
+        self.bounds, self.brightest = bounds, brightest
+        index = photographs[0].gbuffer.index
+        self.at = np.arange(len(labels)) if index is None else np.asarray(index)
+        order = np.argsort(labels, kind="stable")
+        first = np.flatnonzero(np.diff(labels[order], prepend=labels[order[:1]] - 1))
+        self.pixels = np.split(order, first[1:])
+        self.none = [bool(labels[pixels[0]] < 0) for pixels in self.pixels]
+        pairs = sorted((bounds or {}).items())
+        self.options = (labels, brightest, material, str(pairs).encode().hex())
+
+    def begin(self, i: int) -> Callable[[], MapPlanes]:
+        """Nothing is under way before it is waited for: `fit` does not return sooner."""
+        return lambda: self._fit(self.pixels[i], self.none[i])
+
+    def _fit(self, pixels: Int[np.ndarray, "n"], none: bool) -> MapPlanes:
+        gbuffer = _part(self.photographs[0].gbuffer, pixels)
+        where = self.at[pixels]
+        channel_count = self.photographs[0].image.shape[2]
+        images = [p.image.reshape(-1, channel_count)[where][None] for p in self.photographs]
+        valid = [p.valid.ravel()[where][None] for p in self.photographs]
+        scenes = [p.scene for p in self.photographs]
+        square = sum(
+            (np.sum(image.astype(float) ** 2, axis=(0, 2)) for image in images), np.zeros(())
+        )
+        if none or not any(mask.any() for mask in valid):
+            return self._nothing(len(pixels), channel_count, square)
+        found = fit(
+            images, gbuffer, scenes, material=self.material, bounds=self.bounds, valid=valid
+        )
+        left = np.zeros(len(pixels))
+        for image, mask, scene in zip(images, valid, scenes, strict=True):
+            off = np.asarray(render(gbuffer, scene, found.material), float) - image
+            left += np.sum(np.where(mask[..., None], off, 0) ** 2, axis=(0, 2))
+        unknown = {name for item in found.unidentified for name in item.coefficients}
+        told = NOISE * self.brightest / found.noise if found.noise > 0 else inf
+        rows: dict[str, list[np.ndarray]] = {name: [] for name in MapPlanes._fields[:4]}
+        for name in map_names(self.material):
+            shape = (width(name, channel_count),)
+            error = np.broadcast_to(found.standard_errors[name], shape).astype(float)
+            rows["values"].append(np.broadcast_to(found.coefficients[name], shape))
+            rows["standard_errors"].append(error)
+            rows["nominal_errors"].append(np.where(error > 0, error * told, 0))
+            rows["identified"].append(np.full(shape, name not in unknown and found.converged))
+        dtype = gbuffer.normal.x.dtype
+        spread = {
+            name: np.repeat(np.concatenate(row)[:, None], len(pixels), axis=1)
+            for name, row in rows.items()
+        }
+        return MapPlanes(
+            **{n: x if x.dtype == bool else x.astype(dtype) for n, x in spread.items()},
+            noise=np.full(len(pixels), found.noise, dtype),
+            converged=np.full(len(pixels), found.converged),
+            left=left,
+            square=square,
+        )
+
+    def _nothing(self, n: int, channel_count: int, square: np.ndarray) -> MapPlanes:
+        """Of pixels in no region, or of a region of which nothing is used: zeros, not identified."""
+        dtype = self.photographs[0].gbuffer.normal.x.dtype
+        m = sum(width(name, channel_count) for name in map_names(self.material))
+        return MapPlanes(
+            values=np.zeros((m, n), dtype),
+            standard_errors=np.full((m, n), inf, dtype),
+            nominal_errors=np.full((m, n), inf, dtype),
+            identified=np.zeros((m, n), bool),
+            noise=np.full(n, inf, dtype),
+            converged=np.zeros(n, bool),
+            left=square,
+            square=square,
+        )
+
+
+def _part(gbuffer: GBuffer, pixels: Int[np.ndarray, "n"]) -> GBuffer:
+    """Some of a G-buffer's points, as a picture one pixel high."""
+
+    def chosen(vectors: Vec3 | None) -> Vec3 | None:
+        return None if vectors is None else vectors[pixels]
+
+    return GBuffer(
+        shape=(1, len(pixels)),
+        normal=gbuffer.normal[pixels],
+        viewer=gbuffer.viewer,
+        position=chosen(gbuffer.position),
+    )
+
+
+def region_labels(regions: ArrayLike, gbuffer: GBuffer) -> Int[np.ndarray, "P"]:
+    """The labels of the foreground's pixels; every one below 0 is -1."""
+    labels = np.asarray(regions)
+    if labels.shape != gbuffer.shape or not np.issubdtype(labels.dtype, np.integer):
+        raise BadInput(
+            f"regions has shape {labels.shape} and type {labels.dtype}: give whole numbers, one a"
+            f" pixel of the {gbuffer.shape} image"
+        )
+    return np.maximum(labels[gbuffer.mask].astype(np.int64), -1)

@@ -1,0 +1,84 @@
+"""Fits with one shininess to search, and their residual by another road: dense least squares of SciPy."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import lsq_linear
+from truths import draw
+
+import diffshade as ds
+from fitting.inputs import match, views
+from fitting.limits import Bounds, Grid, limits
+from fitting.model import Model, default_material, shininess_names
+from fitting.observation import group_views, in_precision
+from fitting.project import Problem
+from fitting.search import ALL, Found, search
+
+GBUFFER = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(32, 32, 2.2))
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem over `GBUFFER`, its image and scene, the minimum that was found, u's grid and box."""
+
+    image: np.ndarray
+    scene: ds.Scene
+    problem: Problem
+    found: Found
+    grid: Grid
+    box: tuple[jax.Array, jax.Array]
+
+    @staticmethod
+    def of(
+        image: np.ndarray,
+        scene: ds.Scene,
+        start: ds.Material,
+        bounds: Bounds | None = None,
+        hold: frozenset[str] = frozenset(),
+    ) -> "Case":
+        """The fit of an image, all of `start` unknown but for what `hold` names in full."""
+        names = shininess_names(start)
+        searched = tuple(j for j, name in enumerate(names) if name not in hold)
+        seen = views(match(image, GBUFFER, scene, None))
+        dtype = seen[0].gbuffer.normal.x.dtype
+        model = Model(material=start, searched=searched, channel_count=image.shape[2])
+        limit = limits(model, hold, start, bounds or {}, start_given=True)
+        groups, _ = group_views(seen)
+        norm = np.linalg.norm(image[GBUFFER.mask])
+        numbers = (model, limit.lower, limit.upper, np.zeros(limit.lower.shape), norm)
+        model, lower, upper, reference, norm = jax.tree.map(
+            jnp.asarray, in_precision(numbers, dtype)
+        )
+        problem = Problem(model, groups, lower, upper, reference, norm, jnp.int32(ALL))
+        grid, box = limit.searched(dtype)
+        return Case(image, scene, problem, search(problem, grid, box, None), grid, box)
+
+
+def case(rng: np.random.Generator, *, light_count: int, noise: float) -> Case:
+    """A random truth under lights of known attenuation; noise in units of the image's maximum."""
+    truth = draw(rng, light_count, attenuated=False)
+    image = np.asarray(ds.render(GBUFFER, truth.scene, truth.material))
+    noise = rng.normal(0, noise * image.max(), image.shape) if noise else np.zeros(image.shape)
+    image = image + (noise * GBUFFER.mask[..., None]).astype(image.dtype)
+    return Case.of(image, truth.scene, default_material([truth.scene]))
+
+
+def dense_residual(case: Case, shininess: float) -> float:
+    """The relative residual at a shininess, of the best linear coefficients within their bounds."""
+    fitted = case.problem.model.material
+    columns = [
+        *([ds.Material(ka=1.0)] if fitted.ka is not None else []),
+        *([ds.Material(kd=1.0)] if fitted.kd is not None else []),
+        ds.Material(specular=ds.Phong(ks=1.0, shininess=float(shininess))),
+    ]
+    planes = [np.asarray(ds.render(GBUFFER, case.scene, m), float)[GBUFFER.mask] for m in columns]
+    observed = case.image[GBUFFER.mask].astype(float)
+    square = 0.0
+    for c in range(observed.shape[1]):
+        matrix = np.stack([plane[:, min(c, plane.shape[1] - 1)] for plane in planes], axis=1)
+        edges = np.asarray(case.problem.lower[c]), np.asarray(case.problem.upper[c])
+        solved = lsq_linear(matrix, observed[:, c], edges, method="bvls", tol=1e-14)
+        square += 2 * solved.cost
+    return float(np.sqrt(square) / np.linalg.norm(observed))
