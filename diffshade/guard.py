@@ -41,7 +41,7 @@ def sqrt(x: Plane) -> Plane:
 
 def reciprocal_sqrt(x: Plane) -> Plane:
     """1/sqrt(x) where x > 0; elsewhere 0 with derivative 0."""
-    return _guarded(lax.rsqrt, x, x <= 0)
+    return _guarded(lambda safe: 1 / jnp.sqrt(safe), x, x <= 0)
 
 
 def reciprocal(x: Plane) -> Plane:

@@ -5,16 +5,16 @@ into intervals; each is bounded from below (`lower_bound`) and cut again where t
 enough, until no interval can hold anything better: branch and bound (Land and Doig 1960).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from diffshade.errors import BadInput
 from fitting.lower_bound import bound
-from fitting.project import Problem
-from fitting.search import Found
+from fitting.observed import Observed
+from fitting.polish import Minimum
 
 __all__ = ["Certificate", "certify"]
 
@@ -50,14 +50,14 @@ class Certificate:
 
 
 def certify(
-    problem: Problem,
-    found: Found,
-    box: tuple[Float[Array, "q"], Float[Array, "q"]],
+    observed: Observed,
+    minimum: Minimum,
+    box: tuple[Float[np.ndarray, "q"], Float[np.ndarray, "q"]],
     *,
     tolerance: float = 1e-4,
     most_evaluations: int = 1024,
 ) -> Certificate:
-    """Prove that the minimum `found` over u in its box is global, or say that it is not proven.
+    """Prove that the minimum over u in its box is global, or say that it is not proven.
 
     `tolerance` is in units of the relative residual; below about 1e-5 rounding leaves no proof of an
     exact fit. After `most_evaluations` intervals the search ends without one. All is summed in
@@ -66,36 +66,33 @@ def certify(
     """
     if not tolerance > 0:
         raise BadInput(f"tolerance is {tolerance!r}: give a number above 0, as 1e-4")
-    reason = _beyond(problem, found)
+    reason = _beyond(observed, minimum)
     if reason:
         return Certificate(False, tolerance, None, None, 0, reason)
-    if not problem.model.searched:
+    if not minimum.problem.model.searched:
         reason = "No shininess is searched, and all else is linear."
         return Certificate(True, tolerance, None, None, 0, reason)
-    # Weights that follow the solution are taken there.
-    model = replace(problem.model, dependent=found.dependent)
-    problem = replace(problem, model=model, judge=found.judge)
-    with jax.enable_x64(True):
-        return _Proof(problem, found, box, tolerance, most_evaluations).certificate()
+    return _Proof(observed, minimum, box, tolerance, most_evaluations).certificate()
 
 
-def _beyond(problem: Problem, found: Found) -> str | None:
+def _beyond(observed: Observed, minimum: Minimum) -> str | None:
     """What a proof does not reach, in words."""
-    model = replace(problem.model, dependent=found.dependent)
+    problem = minimum.problem
+    model = problem.model
     if model.direction_count > len(model.searched):
         return "The attenuation is searched as well."
-    if problem.gains is not None:
+    if minimum.gains is not None:
         return "The gains of the lights are searched as well."
     if len(model.searched) > 1:
         return f"The shininess of {len(model.searched)} lobes is searched."
-    if not np.isfinite(np.asarray(found.u)).all():
+    if not np.isfinite(minimum.u).all():
         return "No minimum was found."
     for lobe in (model.material.specular[j] for j in model.searched):
         if not lobe.convex:
             return f"A {lobe.kind} lobe does not fall convexly with its coefficient."
-    if (np.asarray(problem.lower) < 0).any():
+    if (problem.lower < 0).any():
         return "A linear coefficient may be negative: bound it by 0 from below."
-    scenes = [group.scenes for group in problem.groups]
+    scenes = [photograph.scene for photograph in observed.photographs]
     lights = [light for scene in scenes for light in scene.lights]
     factors = (
         (model.material.od, model.material.os),
@@ -112,18 +109,19 @@ class _Proof:
 
     def __init__(
         self,
-        problem: Problem,
-        found: Found,
-        box: tuple[Float[Array, "q"], Float[Array, "q"]],
+        observed: Observed,
+        minimum: Minimum,
+        box: tuple[Float[np.ndarray, "q"], Float[np.ndarray, "q"]],
         tolerance: float,
         most: int,
     ) -> None:
-        self.problem, self.tolerance, self.most = problem, tolerance, most
+        self.observed, self.minimum = observed, minimum
+        self.tolerance, self.most = tolerance, most
         self.box = float(box[0][0]), float(box[1][0])
-        self.u = np.asarray(found.u, np.float64)
+        self.u = minimum.u
         self.evaluations = 1
         at_found = np.exp(np.full((BATCH, 2), self.u[0]))
-        here = bound(problem, self.u, at_found, np.asarray(np.inf))
+        here = bound(observed, minimum, at_found, np.inf)
         self.norm = float(here.norm)
         self.residual = float(here.above[0]) / (self.norm or 1.0)
 
@@ -148,7 +146,7 @@ class _Proof:
             return self._certificate(False, np.concatenate([open_, near]), reason)
         near = self._sharpened(near)
         low, high = self._ends(near)
-        weights = ", at the weights of the solution" if self.problem.judge is not None else ""
+        weights = ", at the weights of the solution" if self.minimum.judge is not None else ""
         return self._certificate(
             True,
             near,
@@ -175,12 +173,12 @@ class _Proof:
     def _bounded(self, pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the relative residual: of no more than it is in each piece, and at its start."""
         self.evaluations += len(pieces)
-        threshold = np.asarray(self._threshold * self.norm)
+        threshold = self._threshold * self.norm
         rounds = []
         for first in range(0, len(pieces), BATCH):
             some = pieces[first : first + BATCH]
             filled = np.concatenate([some, np.repeat(some[-1:], BATCH - len(some), axis=0)])
-            bounded = bound(self.problem, self.u, np.exp(filled), threshold)
+            bounded = bound(self.observed, self.minimum, np.exp(filled), threshold)
             rounds.append(np.stack([bounded.below, bounded.above])[:, : len(some)])
         below, above = np.concatenate(rounds, axis=1) / (self.norm or 1.0)
         return below, above

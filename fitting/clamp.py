@@ -2,7 +2,7 @@
 
 Where it acts at some of the lit points, a law without it leaves a kink in the residual, and a law with
 it has a scale: f is 1 where it is clamped. The law without has a free scale, one unknown less, and is
-fitted first. Then a score test (Rao 1948) asks, on one block of each image, whether a clamp could explain
+fitted first. Then a score test (Rao 1948) asks, on a sample of each image, whether a clamp could explain
 what is left: for each distance where it may begin, D is how the image would change if f stayed
 constant below, and
 
@@ -19,15 +19,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from fitting.distances import Distances
+from diffshade.channels import per_channel
+from fitting.arrays import Array
+from fitting.columns import Scenery, images_of, predict
 from fitting.gauge import PolynomialGauge
 from fitting.model import Model
-from fitting.project import Problem, predict
-from fitting.search import Found
-from fitting.sharding import over_devices
-from fitting.stream import Block, sum_over_blocks
+from fitting.observation import Group
+from fitting.observed import Observed
+from fitting.pages import in_double
+from fitting.polish import Minimum
+from fitting.project import weights_of
+from fitting.weights import Judge
 
 __all__ = ["CLEAR", "may_show", "with_clamp"]
 
@@ -50,18 +54,21 @@ def with_clamp(model: Model) -> Model | None:
     return replace(model, gauge=clamped, dependent=None) if clamped.clamped else None
 
 
-def may_show(problem: Problem, found: Found, distances: Distances, noise: float) -> bool:
-    """Whether a clamp could explain what a fit without one left, at a `noise` per observation."""
-    part = replace(
-        problem,
-        model=replace(problem.model, dependent=found.dependent),
-        judge=found.judge,
-        gains=found.gains,
-    )
-    ends = jnp.asarray(np.array([distances.farthest, distances.nearest], found.u.dtype))
-    grams = _gram(part, found.u, found.at.k, ends)
-    explained = _explained(np.asarray(grams, np.float64), np.asarray(found.at.free))
-    return bool(explained > NOTED * noise**2)
+def may_show(minimum: Minimum, observed: Observed) -> bool:
+    """Whether a clamp could explain what a fit without one left."""
+    ends = np.array([minimum.farthest, minimum.nearest])
+    with jax.enable_x64(True):
+        grams = _gram(
+            minimum.problem.model,
+            observed.sample,
+            minimum.gains,
+            minimum.u,
+            minimum.k,
+            ends,
+            minimum.judge,
+        )
+    explained = _explained(np.asarray(grams), minimum.at.free)
+    return bool(explained > NOTED * minimum.cost / observed.count)
 
 
 def _explained(grams: Float[np.ndarray, "C s s"], free: np.ndarray) -> float:
@@ -87,46 +94,50 @@ def _projected(
     return gram[count:, count:] - side.T @ np.linalg.pinv(inner, 1e-6, hermitian=True) @ side
 
 
-@over_devices
+@jax.jit
 def _gram(
-    problem: Problem,
+    model: Model,
+    sample: tuple[Group, ...],
+    gains: Float[Array, "K"] | None,
     u: Float[Array, "q"],
     k: Float[Array, "C p"],
     ends: Float[Array, "2"],
+    judge: Judge | None,
 ) -> Float[Array, "C s s"]:
     """Of [A, J, D, r] in each channel, D one row a ceiling of f, between f at both `ends`."""
-    model, judge = problem.model, problem.judge
+    model, sample, judge = in_double((model, sample, judge))
     clamped, law = with_clamp(model), model.unpack(u)[1]
     assert clamped is not None
     assert law is not None
     far, near = jnp.log(law(ends))
-    places = jnp.asarray((np.arange(PLACES) + 0.5) / PLACES, u.dtype)
-    ceilings = jnp.exp(far + places * (near - far))
-    count, lit = len(model.searched), jnp.array(model.lit)
+    ceilings = jnp.exp(far + (np.arange(PLACES) + 0.5) / PLACES * (near - far))
+    count, channel_count = len(model.searched), len(k)
+    lit = np.array(model.lit)
 
-    def of_block(block: Block, gain: Float[Array, ""] | None) -> Float[Array, "C s s"]:
-        columns = model.columns(u, block, gain)
-        predicted, push = jax.linearize(lambda u: predict(model.columns(u, block, gain), k), u)
-        moved = [push(direction) for direction in model.directions.astype(u.dtype)]
+    def of_image(at: Scenery) -> Float[Array, "C s s"]:
+        columns = model.columns(u, at)
+        predicted = jnp.stack(predict(columns, k))
+        slopes = jnp.stack([jnp.stack(moved) for moved in model.slopes(u, k, at)], axis=-1)
+        moved = jnp.moveaxis(model.pushed(slopes), -1, 1)
 
         def change(ceiling: Float[Array, ""]) -> Float[Array, "C P"]:
             # min(f, ceiling) is the clamped law of ceiling / f, times the ceiling.
             v = u.at[count:].multiply(ceiling)
             scaled = jnp.where(lit, ceiling * k, k)
-            return predict(clamped.columns(v, block, gain), scaled) - predicted
+            return jnp.stack(predict(clamped.columns(v, at), scaled)) - predicted
 
-        one = jnp.ones((len(k), 1), u.dtype)
-        each = [predict((column,), one) for column in columns]
-        rows = jnp.stack([*each, *moved, *lax.map(change, ceilings), block.observed - predicted], 1)
-        weights = block.weight[None]
-        if judge is not None:
-            weights = weights * judge.weights(predicted, block.observed, block.clipped)
-        weighed = rows * weights[:, None]
+        each = [jnp.stack(per_channel(column, channel_count)) for column in columns]
+        rows = jnp.concatenate(
+            [
+                jnp.stack(each, axis=1),
+                moved,
+                jnp.moveaxis(lax.map(change, ceilings), 0, 1),
+                (at.photo.observed - predicted)[:, None],
+            ],
+            axis=1,
+        )
+        weighed = rows * weights_of(model, at, judge)[:, None]
         return jnp.einsum("cip,cjp->cij", weighed, rows, precision=lax.Precision.HIGHEST)
 
-    first = jnp.ones_like(problem.most_blocks)
-    each = [
-        jnp.sum(sum_over_blocks(group, of_block, first, gains), axis=0)
-        for group, gains in problem.each_group()
-    ]
-    return sum(each[1:], each[0])
+    fair = tuple(group.part(slice(0, group.fair)) for group in sample)
+    return images_of(fair, model.material, gains).sum(of_image)

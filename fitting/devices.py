@@ -16,11 +16,11 @@ from jaxtyping import PyTree
 from diffshade.errors import BadInput
 from fitting.blocks import fingerprint
 
-__all__ = ["Devices", "check_same_input", "mesh_over", "place"]
+__all__ = ["AXIS", "Devices", "check_same_input", "mesh_over", "place"]
 
 Devices = Sequence[jax.Device] | Mesh | None
 
-AXIS = "blocks"
+AXIS = "points"
 
 
 def mesh_over(devices: Devices) -> Mesh | None:
@@ -46,23 +46,15 @@ def mesh_over(devices: Devices) -> Mesh | None:
     return Mesh(np.array(given), (AXIS,), axis_types=(AxisType.Explicit,))
 
 
-def place(tree: PyTree, mesh: Mesh, axis: int | None = None) -> PyTree:
-    """The tree's arrays on all devices of the mesh: split along an axis, or whole on each.
+def place(tree: PyTree, mesh: Mesh, specs: PyTree) -> PyTree:
+    """The tree's arrays on the devices of the mesh, each as its spec says."""
 
-    Numbers of Python stay what they are, and so do arrays that already lie on the mesh.
-    """
-    spec = PartitionSpec() if axis is None else PartitionSpec(*(None,) * axis, AXIS)
-    sharding = NamedSharding(mesh, spec)
-
-    def placed(x: Any) -> Any:
-        if not isinstance(x, (np.generic, np.ndarray, jax.Array)):
-            return x
-        if isinstance(x, jax.Array) and x.sharding.device_set == sharding.device_set:
-            return x
+    def placed(x: Any, spec: PartitionSpec) -> Any:
         host = np.asarray(x)
+        sharding = NamedSharding(mesh, spec)
         return jax.make_array_from_callback(host.shape, sharding, lambda at: host[at])
 
-    return jax.tree.map(placed, tree)
+    return jax.tree.map(placed, tree, specs)
 
 
 def check_same_input(mesh: Mesh | None, options: str, *inputs: PyTree) -> None:

@@ -1,98 +1,60 @@
 """How far the lit points of a capture lie from its lights: the unit of an attenuation that is fitted."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.point import PointLight
-from diffshade.scene import Scene
-from diffshade.vector import Vec3, dot, length
+from fitting.arrays import Array
+from fitting.columns import Photo, photos, scenery
+from fitting.model import Model
 from fitting.observation import Group
-from fitting.sharding import over_devices
+from fitting.pages import Pages
 
-__all__ = ["Distances", "lit_distances", "share_nearer"]
-
-
-@dataclass(frozen=True)
-class Distances:
-    """Between lights and the points they light: the geometric mean, the least, the greatest."""
-
-    reference: float
-    nearest: float
-    farthest: float
+__all__ = ["sample_distances", "share_nearer"]
 
 
-def lit_distances(groups: Sequence[Group]) -> Distances | None:
-    """Over the used pixels of all images and their point lights; None where nothing is lit."""
-    logarithm, count, nearest, farthest = 0.0, 0.0, np.inf, 0.0
-    for group in groups:
-        if any(isinstance(light, PointLight) for light in group.scenes.lights):
-            total, lit, low, high, _ = (float(x) for x in _of_group(group, 0.0))
-            logarithm, count = logarithm + total, count + lit
-            nearest, farthest = min(nearest, low), max(farthest, high)
-    if count == 0:
-        return None
-    return Distances(float(np.exp(logarithm / count)), nearest, farthest)
+def sample_distances(group: Group) -> Float[np.ndarray, "n"]:
+    """The logarithm of the distance between each used point and each point light that it faces."""
+    lights = [kind for kind in group.lights if isinstance(kind, PointLight)]
+    surface = group.surface
+    if not lights or surface.position is None:
+        return np.zeros(0)
+    here, normal = (
+        np.stack([np.asarray(axis) for axis in (v.x, v.y, v.z)])
+        for v in (surface.position, surface.normal)
+    )
+    lights_at = np.concatenate([np.asarray(kind.position) for kind in lights], axis=1)
+    towards = lights_at[..., None] - here  # [K, L, 3, S]
+    facing = np.einsum("klis,is->kls", towards, normal) > 0
+    if surface.spread is None:  # else points are not pixels, and have no weight
+        facing &= (np.asarray(group.weight) > 0)[:, None]
+    square = np.einsum("klis,klis->kls", towards, towards)
+    return 0.5 * np.log(square[facing & (square > 0)])
 
 
-def share_nearer(groups: Sequence[Group], limit: float) -> float:
+def share_nearer(pages: Pages, model: Model, limit: float) -> float:
     """The share of all pairs of a light and a point that it lights that are nearer than `limit`."""
-    sums = [_of_group(group, limit) for group in groups]
-    return float(sum(s[4] for s in sums)) / max(float(sum(s[1] for s in sums)), 1.0)
+    (lit, near), _ = pages.total(_nearer, None, model, np.asarray(limit))
+    return float(near.sum() / max(lit.sum(), 1.0))
 
 
-Totals = tuple[
-    Float[Array, ""], Float[Array, ""], Float[Array, ""], Float[Array, ""], Float[Array, ""]
-]
+def _nearer(
+    group: Group, gains: None, model: Model, limit: Float[Array, ""]
+) -> tuple[tuple[Array, Array], Array]:
+    """How many pairs there are in each image, and how many are nearer."""
 
+    def of_image(photo: Photo) -> tuple[Array, Array]:
+        lit = near = jnp.zeros(())
+        at = scenery(photo, group.surface, model.material)
+        for seen in at.angles:
+            if seen.distance is not None:
+                faces = (seen.n_dot_l > 0) & (seen.distance > 0)
+                if at.spread is None:
+                    faces = faces & (photo.weight > 0)[None]
+                lit += jnp.sum(faces, dtype=lit.dtype)
+                near += jnp.sum(faces & (seen.distance < limit), dtype=near.dtype)
+        return lit, near
 
-@over_devices
-def _of_group(group: Group, limit: float | Float[Array, ""]) -> Totals:
-    """The sum of log d and how many were summed, the least d and the greatest, how many are nearer."""
-
-    def of_light(gbuffer: GBuffer, weight: Array, light: PointLight) -> Totals:
-        assert gbuffer.position is not None
-        to_light = Vec3.from_array(light.position) - gbuffer.position
-        distance = length(to_light)
-        lit = (dot(gbuffer.normal, to_light) > 0) & (distance > 0)
-        if gbuffer.spread is None:  # else points are not pixels, and have no weight
-            lit = lit & (weight > 0)
-        return (
-            jnp.sum(jnp.log(jnp.where(lit, distance, 1))),
-            jnp.sum(lit, dtype=distance.dtype),
-            jnp.min(jnp.where(lit, distance, jnp.inf)),
-            jnp.max(jnp.where(lit, distance, 0)),
-            jnp.sum(lit & (distance < limit), dtype=distance.dtype),
-        )
-
-    def merged(a: Totals, b: Totals) -> Totals:
-        near, far = jnp.minimum(a[2], b[2]), jnp.maximum(a[3], b[3])
-        return a[0] + b[0], a[1] + b[1], near, far, a[4] + b[4]
-
-    def of_image(total: Totals, image: tuple[Scene, Array]) -> tuple[Totals, None]:
-        scene, weight = image
-
-        def add_block(b: Array, total: Totals) -> Totals:
-            gbuffer = jax.tree.map(lambda plane: plane[b], group.blocks)
-            for light in scene.lights:
-                if isinstance(light, PointLight):
-                    total = merged(total, of_light(gbuffer, weight[b], light))
-            return total
-
-        return lax.fori_loop(0, group.own(group.count), add_block, total), None
-
-    zero = jnp.zeros((), group.weight.dtype)
-    start = (zero, zero, zero + jnp.inf, zero, zero)
-    images = (group.scenes, group.weight)
-    if group.mesh is None:
-        return lax.scan(of_image, start, images)[0]
-    devices = group.mesh.axis_names
-    own = lax.scan(of_image, lax.pcast(start, devices, to="varying"), images)[0]
-    over = (lax.psum, lax.psum, lax.pmin, lax.pmax, lax.psum)
-    return tuple(of_all(value, devices) for of_all, value in zip(over, own, strict=True))
+    return jax.lax.map(of_image, photos(group, gains)), jnp.zeros(())

@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Float
@@ -18,27 +16,28 @@ from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
+from fitting.attempt import Attempt, attempted
 from fitting.certificate import Certificate
 from fitting.certificate import certify as prove
 from fitting.clamp import CLEAR, may_show, with_clamp
 from fitting.degeneracies import Seen, highlight_depths
 from fitting.devices import Devices, check_same_input, mesh_over
-from fitting.distances import Distances, lit_distances, share_nearer
+from fitting.distances import share_nearer
 from fitting.gauge import CONSTANTS, gauge_of, lengths, with_attenuation
 from fitting.identify import Unidentified, unidentified
-from fitting.inputs import Photograph, match, views
+from fitting.inputs import Photograph, match
 from fitting.likelihood import Likelihood, rounding
-from fitting.limits import Bounds, Grid, Limits, ceiling_grid, limits
+from fitting.limits import Bounds, Grid, ceiling_grid, limits
 from fitting.model import Model, default_material, held_names, linear_names, model_of
-from fitting.observation import Group, View, group_views, in_precision
+from fitting.observed import Observed
+from fitting.polish import Minimum
 from fitting.profile import Profile, profile
-from fitting.project import Problem
-from fitting.recovered import Recovery, clamped_within, recover
+from fitting.recovered import Recovery, clamped_within
 from fitting.residual import ImageResidual, evaluation, measure, ratio
-from fitting.search import ALL, APART, Found, search
+from fitting.search import APART
 from fitting.suspects import SuspectImage, suspects
 from fitting.uncertainty import propagate
-from fitting.weights import Judge, SensorNoise, Tukey, Weighting
+from fitting.weights import SensorNoise, Tukey, Weighting
 
 __all__ = ["Basin", "Correlations", "Fit", "fit"]
 
@@ -181,7 +180,6 @@ def fit(
         law = InverseSquare()
         photographs = [p._replace(scene=with_attenuation(p.scene, law)) for p in photographs]
     constants = _constants(attenuation)
-    seen = views(photographs)
     start = default_material(p.scene for p in photographs) if material is None else material
     held = held_names(hold, start, constants)
     if material is None and held - set(constants):
@@ -189,131 +187,126 @@ def fit(
             f"hold names {min(held - set(constants))} and no material is given: its value is what is"
             " kept; give material="
         )
-    dtype = seen[0].gbuffer.normal.x.dtype
-    surfaces = list({id(p.gbuffer): p.gbuffer for p in photographs}.values())
-    observed = [(p.image, p.scene, p.valid, p.clipped) for p in photographs]
     options = repr((attenuation, sorted(held), bounds, weighting, gains, type(solver)))
-    check_same_input(mesh, options, surfaces, observed, start)
-    groups, order = group_views(seen, mesh)
-    distances = _distances(groups) if constants else None
-    channel_count = photographs[0].image.shape[2]
-    observations = sum(int((view.weight > 0).sum()) for view in seen) * channel_count
-    model = model_of(start, held, channel_count)
-    if attenuation is not None and distances is not None:
+    check_same_input(mesh, options, photographs, start)
+    observed = Observed(photographs, mesh, fitted_law=bool(constants), fair=robust is not None)
+    model = model_of(start, held, observed.channel_count)
+    if attenuation is not None and constants:
+        distance = _reference_distance(observed)
         gauge = gauge_of(
             attenuation,
-            jnp.asarray(distances.reference, dtype),
-            fixed := _held_law(attenuation, held, photographs, distances),
+            np.asarray(distance, observed.dtype),
+            fixed := _held_law(attenuation, held, photographs, distance),
             scale_known=bool(held & set(linear_names(start)) - {"ka"}) or any(fixed),
         )
         model = replace(model, gauge=gauge)
-    squares = np.array([_square(view) for view in seen])
-    square = float(squares.sum())
 
-    def attempt(model: Model, grid: Grid | None = None) -> _Attempt:
+    def attempt(model: Model, grid: Grid | None = None) -> Attempt:
         limit = limits(model, held, start, bounds or {}, start_given=material is not None)
         limit = limit if grid is None else replace(limit, grid=grid)
-        problem = _problem(model, limit, groups, square, dtype, weighting, gains)
-        found = search(problem, *limit.searched(dtype), solver)
-        searched = replace(problem.model, dependent=found.dependent).direction_count
-        parameters = int((~limit.held).sum()) + searched + 1  # the noise
-        parameters += sum(len(group.weight) for group in groups) - 1 if gains else 0
-        cost = float(found.at.cost)
-        likelihood = Likelihood.of(cost, rounding(square, dtype), parameters, observations)
-        return _Attempt(limit, problem, found, likelihood)
+        return attempted(observed, model, limit, weighting, gains, solver)
 
-    best = attempt(model)
-    if distances is not None:
-        best = _clamped(attempt, best, distances)
-    limit, problem, found = best.limit, best.problem, best.found
-    model = problem.model
-    solved = replace(model, dependent=found.dependent)
-    _, box = limit.searched(dtype)
+    best = _clamped(attempt, attempt(model), observed)
+    found = _fit(best, observed, held, weighting, one_scene=isinstance(scenes, Scene) and not gains)
+    box = best.limit.box
     drawn = len(model.searched) if profiles else 0
-    nearest = None if distances is None else jnp.asarray(distances.nearest, dtype)
-    recovery = Recovery(solved, jnp.asarray(limit.natural_upper, dtype), nearest)
-    recovered, law, coefficients = recover(recovery, found.at.k, found.u)
-    gain = None if found.gains is None else np.asarray(found.gains, float)[np.argsort(order)]
-    lit = [p.scene if law is None else _relit(p.scene, law) for p in photographs]
-    if gain is not None:
-        lit = [_brighter(scene, g) for scene, g in zip(lit, gain, strict=True)]
-    values = {name: np.asarray(value) for name, value in coefficients.items()}
-    free = {n: v for n, v in values.items() if n not in held}
-    known = np.concatenate([limit.held.ravel(), solved.known])
-    judge = found.judge
-    scale = float(judge.scale) if judge is not None and judge.weighting.robust else None
-    uncertainty = propagate(
-        found.at,
-        found.u,
-        known,
-        observations,
-        recovery.coefficients,
-        bounds=limit.edges,
-        noise=scale,
-        gains=found.at.gains,
+    return replace(
+        found,
+        certificate=prove(observed, best.minimum, box) if certify else None,
+        profiles=tuple(profile(observed, best.minimum, box, which=k) for k in range(drawn)),
     )
-    left = np.maximum(np.asarray(found.at.image_cost), 0).astype(float)[np.argsort(order)]
+
+
+def _fit(
+    best: Attempt,
+    observed: Observed,
+    held: frozenset[str],
+    weighting: Weighting | None,
+    *,
+    one_scene: bool,
+) -> Fit:
+    """What was found, in the words of the caller."""
+    limit, minimum = best.limit, best.minimum
+    model, dtype, photographs = minimum.problem.model, observed.dtype, observed.photographs
+    recovery = Recovery(model, limit.natural_upper, minimum.nearest)
+    law = recovery.law(minimum.k, minimum.u, dtype)
+    material = recovery.material(minimum.k, minimum.u, dtype)
+    gains = None if minimum.gains is None else observed.in_order(minimum.gains)
+    lit = [p.scene if law is None else _relit(p.scene, law) for p in photographs]
+    if gains is not None:
+        lit = [_brighter(scene, g) for scene, g in zip(lit, gains, strict=True)]
+
+    judge = minimum.judge
+    robust = judge is not None and judge.weighting.robust is not None
+    edges = [
+        np.append(linear, model.coordinates(of_u))
+        for linear, of_u in zip((limit.lower, limit.upper), limit.box, strict=True)
+    ]
+    uncertainty = propagate(
+        replace(minimum.at, k=minimum.k, cost=np.asarray(minimum.cost)),
+        model.coordinates(minimum.u),
+        np.append(limit.held.ravel(), np.zeros(model.direction_count, bool)),
+        observed.count,
+        lambda k, y: recovery.coefficients(k, model.whole(y)),
+        bounds=(edges[0], edges[1]),
+        noise=float(judge.scale) if judge is not None and robust else None,
+        gains=minimum.at.gains,
+        rounding=float(np.finfo(dtype).eps),
+    )
+    values = uncertainty.values
+    free = {n: v for n, v in values.items() if n not in held}
+    left, squares = observed.in_order(minimum.image_cost), observed.in_order(minimum.squares)
     if weighting is None:
         measured = evaluation(photographs, left, squares)
     else:  # whatever weights it had, the figure is that of all unclipped pixels
-        relit = [p._replace(scene=s) for p, s in zip(photographs, lit, strict=True)]
-        measured = measure(recovered, relit)
+        measured = measure(
+            material, [p._replace(scene=s) for p, s in zip(photographs, lit, strict=True)]
+        )
+    fitted_law = model.gauge is not None
     return Fit(
-        material=recovered,
-        scene=lit[0] if isinstance(scenes, Scene) and gain is None else tuple(lit),
+        material=material,
+        scene=lit[0] if one_scene else tuple(lit),
         coefficients=values,
         standard_errors={n: e for n, e in uncertainty.standard_errors.items() if n in free},
         unidentified=unidentified(
             free,
             uncertainty,
-            max(float(np.max(view.observed, initial=0.0)) for view in seen),
+            minimum.brightest,
             scaled=model.gauge is not None and model.gauge.floating,
-            gains=() if gain is None else tuple(f"gain.{k}" for k in range(len(gain))),
-            seen=_seen(model, found, distances, groups),
+            gains=() if gains is None else tuple(f"gain.{k}" for k in range(len(gains))),
+            seen=_seen(minimum, observed),
         ),
         relative_residual=measured.relative_residual,
         fraction_excluded=measured.fraction_excluded,
         per_image=measured.per_image,
         noise=uncertainty.noise,
-        converged=bool(found.converged),
-        steps=int(found.steps),
-        reference_distance=distances.reference if distances and "reference.l0" in values else None,
+        converged=minimum.converged,
+        steps=best.steps,
+        reference_distance=observed.distance if fitted_law and "reference.l0" in values else None,
         intervals={n: i for n, i in uncertainty.intervals.items() if n in free},
         correlations=Correlations(uncertainty.numbers, uncertainty.correlations),
-        basins=_basins(found, solved, float(squares.sum()), uncertainty.noise),
+        basins=_basins(best, uncertainty.noise),
         suspect_images=suspects(measured.per_image),
         weighted_residual=None if weighting is None else ratio(left.sum(), squares.sum()),
-        gains=gain,
-        certificate=prove(problem, found, box) if certify else None,
-        profiles=tuple(profile(problem, found, box, which=k) for k in range(drawn)),
+        gains=gains,
         likelihood=best.likelihood,
     )
 
 
-class _Attempt(NamedTuple):
-    """One model searched: its limits, the problem, the minimum, and how likely that is."""
-
-    limit: Limits
-    problem: Problem
-    found: Found
-    likelihood: Likelihood
-
-
 def _clamped(
-    attempt: Callable[[Model, Grid], _Attempt], plain: _Attempt, distances: Distances
-) -> _Attempt:
+    attempt: Callable[[Model, Grid], Attempt], plain: Attempt, observed: Observed
+) -> Attempt:
     """The fit with LIGHT-12's clamp, where the images show it at some points and not at others."""
-    model, likelihood = with_clamp(plain.problem.model), plain.likelihood
-    cost, dtype = float(plain.found.at.cost), plain.found.u.dtype
-    if model is None or cost <= rounding(float(plain.problem.norm) ** 2, dtype):
+    minimum, likelihood = plain.minimum, plain.likelihood
+    model = with_clamp(minimum.problem.model)
+    if model is None or minimum.cost <= rounding(minimum.square, observed.dtype):
         return plain
-    noise = (cost / likelihood.observations) ** 0.5
-    if not may_show(plain.problem, plain.found, distances, noise):
+    if not may_show(minimum, observed):
         return plain
-    u = np.asarray(plain.found.u, float)
-    clamped = attempt(model, ceiling_grid(model, u, distances.nearest, distances.farthest))
-    within = clamped_within(clamped.problem.model, np.asarray(clamped.found.u))
-    partly = distances.nearest < within < distances.farthest
+    nearest, farthest = minimum.nearest, minimum.farthest
+    clamped = attempt(model, ceiling_grid(model, minimum.u, nearest, farthest))
+    within = clamped_within(clamped.minimum.problem.model, clamped.minimum.u)
+    partly = nearest < within < farthest
     return clamped if partly and clamped.likelihood.bic + CLEAR < likelihood.bic else plain
 
 
@@ -330,19 +323,17 @@ def _weighting(
     return Weighting(robust, noise)
 
 
-def _basins(found: Found, model: Model, square: float, noise: float) -> tuple[Basin, ...]:
+def _basins(best: Attempt, noise: float) -> tuple[Basin, ...]:
     """The other minima that were followed to their end."""
-    u, costs = np.asarray(found.basins, float), np.asarray(found.costs, float)
-    best = np.asarray(found.u, float)
-    apart = np.abs(u - best).max(axis=-1, initial=0) > APART
-    others = np.flatnonzero(np.isfinite(costs) & apart)
+    least = best.minimum
+    apart = [m for m in best.others if np.abs(m.u - least.u).max(initial=0) > APART]
     return tuple(
         Basin(
-            model.named(u[k]),
-            ratio(max(costs[k], 0.0), square),
-            bool(costs[k] - float(found.at.cost) <= INDISTINGUISHABLE * noise**2),
+            other.problem.model.named(other.u),
+            ratio(other.cost, other.square),
+            bool(other.cost - least.cost <= INDISTINGUISHABLE * noise**2),
         )
-        for k in others[np.argsort(costs[others])]
+        for other in apart
     )
 
 
@@ -357,21 +348,18 @@ def _brighter(scene: Scene, gain: float) -> Scene:
     return Scene(scene.ambient, lights)
 
 
-def _seen(model: Model, found: Found, distances: Distances | None, groups: Sequence[Group]) -> Seen:
+def _seen(minimum: Minimum, observed: Observed) -> Seen:
     """What helps to say why something is not told."""
+    model, at = minimum.problem.model, minimum.at
     plain = model.column_count - len(model.material.specular)
-    information, k = np.asarray(found.at.information), np.asarray(found.at.k)
-    depths = highlight_depths(information, k, plain, model.searched)
-    if distances is None:
+    depths = highlight_depths(at.information, minimum.k, plain, model.searched)
+    if model.gauge is None:
         return Seen(depths=depths)
-    within = clamped_within(model, np.asarray(found.u))
-    clamped = share_nearer(groups, within) if within > distances.nearest else 0.0
-    return Seen(distances.nearest, distances.farthest, clamped, depths)
-
-
-def _square(view: View) -> float:
-    """|observed|^2 over the used pixels."""
-    return float(np.einsum("pc,pc,p->", view.observed, view.observed, view.weight, dtype=float))
+    within = clamped_within(model, minimum.u)
+    clamped = 0.0
+    if within > minimum.nearest:
+        clamped = share_nearer(observed.pages, model, within)
+    return Seen(minimum.nearest, minimum.farthest, clamped, depths)
 
 
 def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:
@@ -401,7 +389,7 @@ def _held_law(
     attenuation: type[AbstractAttenuation],
     held: frozenset[str],
     photographs: Sequence[Photograph],
-    distances: Distances,
+    distance: float,
 ) -> tuple[float | None, ...]:
     """Those constants of the law that are held, at the value that the scene's lights give them."""
     constants = CONSTANTS[attenuation]
@@ -420,43 +408,21 @@ def _held_law(
             " whose value is what is kept"
         )
     return tuple(
-        float(getattr(laws[0], name)) * distances.reference ** lengths(name)
+        float(getattr(laws[0], name)) * distance ** lengths(name)
         if f"attenuation.{name}" in held
         else None
         for name in constants
     )
 
 
-def _distances(groups: Sequence[Group]) -> Distances:
+def _reference_distance(observed: Observed) -> float:
     """How far the lit points lie from the lights whose attenuation is asked for."""
-    for group in groups:
-        points = any(isinstance(light, PointLight) for light in group.scenes.lights)
-        if points and group.blocks.position is None:
+    for stack in observed.stacks:
+        points = any(isinstance(kind, PointLight) for kind in stack.lights)
+        if points and stack.gbuffer.position is None:
             raise BadInput(
                 "an attenuation is asked for, and the G-buffer has normals only, no positions"
             )
-    distances = lit_distances(groups)
-    if distances is None:
+    if observed.distance is None:
         raise BadInput("an attenuation is asked for, and no point light lights a used pixel")
-    return distances
-
-
-def _problem(
-    model: Model,
-    limit: Limits,
-    groups: tuple[Group, ...],
-    square: float,
-    dtype: np.dtype,
-    weighting: Weighting | None,
-    gains: bool,
-) -> Problem:
-    edges = limit.lower, limit.upper, np.clip(0.0, limit.lower, limit.upper)
-    numbers = np.asarray(square**0.5 or 1.0), np.int32(ALL)
-    put = jax.device_put(in_precision((model, *edges, *numbers), dtype))
-    model, lower, upper, reference, norm, blocks = put
-    judge = None
-    if weighting is not None:
-        zero = jnp.zeros((), dtype)
-        judge = Judge(weighting, jnp.zeros(model.size, dtype), reference, zero, zero)
-    ones = jnp.ones(sum(len(group.weight) for group in groups), dtype) if gains else None
-    return Problem(model, groups, lower, upper, reference, norm, blocks, judge, ones)
+    return observed.distance

@@ -21,7 +21,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from diffshade import guard
 from diffshade.light.attenuation import (
@@ -34,6 +34,7 @@ from diffshade.light.attenuation import (
 from diffshade.light.base import AbstractLight
 from diffshade.light.point import PointLight
 from diffshade.scene import Scene
+from fitting.arrays import Array
 
 __all__ = [
     "CONSTANTS",
@@ -43,10 +44,12 @@ __all__ = [
     "ReferenceAttenuation",
     "gauge_of",
     "lengths",
+    "lit_by",
     "with_attenuation",
 ]
 
 Number = Float[Array, ""]
+Numbers = Float[Array, "..."]
 Node = tuple[tuple[int, ...], tuple[float, ...]]
 """Where on the axes of a grid, and the unknowns there: neighbours differ by one at the most."""
 
@@ -101,12 +104,17 @@ class AbstractGauge(eqx.Module):
     def law(self, v: Float[Array, "s"]) -> AbstractAttenuation:
         """The law that is fitted."""
 
+    @property
     @abstractmethod
-    def reported(self, v: Float[Array, "s"], scale: Number) -> AbstractAttenuation:
-        """The law as the texts write it, 1/f times the `scale` by which k_d and k_s are multiplied."""
+    def kind(self) -> type[AbstractAttenuation]:
+        """The law as the texts write it."""
 
     @abstractmethod
-    def shares(self, v: Float[Array, "s"]) -> tuple[Number, ...]:
+    def constants(self, v: Numbers, scale: Numbers) -> tuple[Numbers, ...]:
+        """Those of the law, 1/f times the `scale` by which k_d and k_s are multiplied."""
+
+    @abstractmethod
+    def shares(self, v: Numbers) -> tuple[Numbers, ...]:
         """l0, l1, ... as parts of their sum, of a law that has them."""
 
     @abstractmethod
@@ -141,13 +149,38 @@ class PolynomialGauge(AbstractGauge):
     def law(self, v: Float[Array, "s"]) -> "ReferenceAttenuation":
         return ReferenceAttenuation(v, self.distance, self.clamped)
 
-    def reported(self, v: Float[Array, "s"], scale: Number) -> AbstractAttenuation:
-        constants = (scale * l / self.distance**k for k, l in enumerate(v))
-        return QuadraticAttenuation(*constants) if self.size == 3 else LinearAttenuation(*constants)
+    @property
+    def kind(self) -> type[AbstractAttenuation]:
+        return QuadraticAttenuation if self.size == 3 else LinearAttenuation
 
-    def shares(self, v: Float[Array, "s"]) -> tuple[Number, ...]:
-        gain = guard.reciprocal(jnp.sum(v))
-        return tuple(l * gain for l in v)
+    def constants(self, v: Numbers, scale: Numbers) -> tuple[Numbers, ...]:
+        d0 = float(self.distance)
+        return tuple(scale * v[..., k] / d0**k for k in range(self.size))
+
+    def shares(self, v: Numbers) -> tuple[Numbers, ...]:
+        total = v.sum(axis=-1)
+        return tuple(_over(v[..., k], total) for k in range(self.size))
+
+    def at_reference(self, v: Numbers) -> Numbers:
+        """f(d0)."""
+        inverse = v.sum(axis=-1)
+        return 1 / np.maximum(inverse, 1) if self.clamped else _over(np.ones_like(inverse), inverse)
+
+    def natural_scale(self, v: Numbers, nearest: float, largest: Numbers) -> Numbers:
+        """The common scale of the constants, k_d and k_s, which no image can tell: a convention.
+
+        It makes c0 = 1 where that can be: where there is an l0, and where no coefficient is pushed
+        past its upper bound (`largest` is the largest, over its bound, before scaling). Otherwise
+        the coefficients grow as far as their bounds; and never so little that LIGHT-12's clamp, which
+        was not part of what was fitted, would begin to act at the `nearest` point.
+        """
+        wanted = _over(np.ones_like(largest), v[..., 0], np.inf)
+        scale = np.minimum(wanted, _over(np.ones_like(largest), largest, np.inf))
+        scale = np.where(np.isfinite(scale), scale, self.at_reference(v))
+        if self.kind is not QuadraticAttenuation:  # no other law has a clamp
+            return scale
+        inverse = _polynomial(tuple(np.moveaxis(v, -1, 0)), nearest / float(self.distance))
+        return np.maximum(scale, _over(np.ones_like(inverse), inverse))
 
     def named(self, v: Float[np.ndarray, "s"]) -> dict[str, float]:
         return {f"reference.l{k}": float(l) for k, l in enumerate(v)}
@@ -186,11 +219,15 @@ class ExponentialGauge(AbstractGauge):
     def law(self, v: Float[Array, "s"]) -> ExponentialAttenuation:
         return ExponentialAttenuation(v[0] / self.distance)
 
-    def reported(self, v: Float[Array, "s"], scale: Number) -> AbstractAttenuation:
-        del scale  # is 1
-        return self.law(v)
+    @property
+    def kind(self) -> type[AbstractAttenuation]:
+        return ExponentialAttenuation
 
-    def shares(self, v: Float[Array, "s"]) -> tuple[Number, ...]:
+    def constants(self, v: Numbers, scale: Numbers) -> tuple[Numbers, ...]:
+        del scale  # is 1
+        return (v[..., 0] / float(self.distance),)
+
+    def shares(self, v: Numbers) -> tuple[Numbers, ...]:
         del v
         return ()
 
@@ -223,38 +260,33 @@ class ReferenceAttenuation(AbstractAttenuation):
     distance: Number
     clamped: bool = eqx.field(static=True, default=False)
 
-    @property
-    def gain(self) -> Number:
-        """f at the reference distance, not clamped."""
-        return guard.reciprocal(jnp.sum(self.l))
-
     def __call__(self, d: Float[Array, "..."]) -> Float[Array, "..."]:
         inverse = _polynomial(tuple(self.l), d / self.distance)
         return 1 / jnp.where(inverse < 1, 1, inverse) if self.clamped else guard.reciprocal(inverse)
 
-    def natural_scale(self, least: Number, largest: Number) -> Number:
-        """The common scale of the constants, k_d and k_s, which no image can tell: a convention.
-
-        It makes c0 = 1 where that can be: where there is an l0, and where no coefficient is pushed
-        past its upper bound (`largest` is the largest, over its bound, before scaling). Otherwise
-        the coefficients grow as far as their bounds; and never under `least`, at which LIGHT-12's
-        clamp, which was not part of what was fitted, would begin to act at the nearest point.
-        """
-        wanted = jnp.where(self.l[0] > 0, guard.reciprocal(self.l[0]), jnp.inf)
-        most = jnp.where(largest > 0, guard.reciprocal(largest), jnp.inf)
-        scale = jnp.minimum(wanted, most)
-        return jnp.maximum(jnp.where(jnp.isfinite(scale), scale, self.gain), least)
-
 
 def with_attenuation(scene: Scene, attenuation: AbstractAttenuation) -> Scene:
     """The scene with one attenuation on all its point lights."""
+    return Scene(scene.ambient, tuple(lit_by(light, attenuation) for light in scene.lights))
 
-    def attenuated(light: AbstractLight) -> AbstractLight:
-        if not isinstance(light, PointLight):
-            return light
-        return PointLight(light.position, light.intensity, attenuation)
 
-    return Scene(scene.ambient, tuple(attenuated(light) for light in scene.lights))
+def lit_by(light: AbstractLight, attenuation: AbstractAttenuation) -> AbstractLight:
+    """A light with an attenuation in place of its own, if it is one that has any.
+
+    Of many lights, stacked, nothing is checked or converted.
+    """
+    if not isinstance(light, PointLight):
+        return light
+    return eqx.tree_at(lambda x: x.attenuation, light, attenuation, is_leaf=_is_absent)
+
+
+def _is_absent(x: object) -> bool:
+    return x is None
+
+
+def _over(a: Numbers, b: Numbers, otherwise: float = 0.0) -> Numbers:
+    """a / b, and something else where b is 0."""
+    return np.where(b == 0, otherwise, a / np.where(b == 0, 1, b))
 
 
 def _polynomial(l: tuple[Any, ...], t: Any) -> Any:

@@ -14,10 +14,11 @@ Only this equation is differentiated, never the search that solved it. The gradi
 block and computed anew in the backward pass, so that no more is kept than one block.
 """
 
+import operator
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
-from typing import NamedTuple
+from functools import cache, reduce
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,7 +31,8 @@ from diffshade.fusion import compiler_options
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.inputs import match, traced_views, views
+from fitting.columns import Blocks, Scenery, predict
+from fitting.inputs import Traced, match, traced
 from fitting.limits import Bounds, Grid, Limits, limits
 from fitting.model import (
     Model,
@@ -40,10 +42,9 @@ from fitting.model import (
     linear_names,
     model_of,
 )
-from fitting.observation import Group, View, group_views, in_precision
-from fitting.project import Problem, predict
-from fitting.search import ALL, minimise
-from fitting.stream import Block
+from fitting.observation import SAMPLE, Group, in_precision, traced_groups
+from fitting.project import Problem
+from fitting.search import descend, search
 
 __all__ = ["solve"]
 
@@ -101,14 +102,13 @@ def solve(
             f"hold names {min(held)} and no material is given: its value is what is kept; give material="
         )
     dtype = seen[0].gbuffer.normal.x.dtype
-    channel_count = seen[0].observed.shape[1]
+    channel_count = seen[0].observed.shape[0]
     model = model_of(in_precision(start, dtype), held, channel_count)
     # Limits are made of names and shapes; what is held may be traced, and is put in after.
     shapes = jax.tree.map(lambda leaf: np.zeros(leaf.shape), start)
     limit = limits(model, held, shapes, bounds or {}, start_given=False)
-    groups, _ = group_views(seen)
-    grid, box = limit.searched(dtype)
-    arguments = (_problem(model, groups, limit), grid, box)
+    groups = traced_groups(seen)
+    arguments = (_problem(model, groups, limit), groups, *limit.searched(dtype))
     outermost = is_outermost() and is_concrete(arguments)
     return (_solve_outermost() if outermost else _solve)(*arguments)
 
@@ -118,10 +118,11 @@ def _seen(
     gbuffer: GBuffer | Sequence[GBuffer],
     scenes: Scene | Sequence[Scene],
     valid: ArrayLike | Sequence[ArrayLike] | None,
-) -> list[View]:
+) -> list[Traced]:
     if is_concrete((images, gbuffer, scenes, valid)):
-        return views(match(images, gbuffer, scenes, valid))
-    return traced_views(images, gbuffer, scenes, valid)
+        for photograph in match(images, gbuffer, scenes, valid):
+            photograph.check()
+    return traced(images, gbuffer, scenes, valid)
 
 
 def _problem(model: Model, groups: tuple[Group, ...], limit: Limits) -> Problem:
@@ -137,25 +138,19 @@ def _problem(model: Model, groups: tuple[Group, ...], limit: Limits) -> Problem:
     lower, upper = (
         jnp.where(limit.held, given, edge.astype(dtype)) for edge in (limit.lower, limit.upper)
     )
-    squares = [jnp.sum(group.weight[:, :, None] * group.observed**2) for group in groups]
-    square = sum(squares[1:], squares[0])
-    return Problem(
-        model=model,
-        groups=groups,
-        lower=lower,
-        upper=upper,
-        reference=jnp.clip(0, lower, upper),
-        norm=jnp.sqrt(lax.stop_gradient(jnp.where(square > 0, square, 1))),
-        most_blocks=jnp.asarray(ALL, jnp.int32),
-    )
+    squares = [jnp.sum(group.weight[:, None] * group.observed**2) for group in groups]
+    square = lax.stop_gradient(reduce(operator.add, squares))
+    return Problem(model, lower, upper, jnp.sqrt(jnp.where(square > 0, square, 1)))
 
 
-def _solution(problem: Problem, grid: Grid, box: tuple[Array, Array]) -> Material:
+def _solution(
+    problem: Problem, groups: tuple[Group, ...], grid: Grid, box: tuple[Array, Array]
+) -> Material:
     """The minimum, with the derivative of the equation that it solves."""
-    model = problem.model
+    model, everything = problem.model, Blocks(groups, problem.model.material)
     shape = problem.lower.shape
-    found = minimise(*lax.stop_gradient((problem, grid, box)))
-    theta = lax.stop_gradient(jnp.append(found.at.k.ravel(), found.u))
+    k, u = lax.stop_gradient(_minimum(*lax.stop_gradient((problem, groups, grid, box))))
+    theta = jnp.append(k.ravel(), u)
     lower = jnp.append(problem.lower.ravel(), box[0])
     upper = jnp.append(problem.upper.ravel(), box[1])
     free = lax.stop_gradient(_inside(theta, lower, upper))
@@ -166,7 +161,7 @@ def _solution(problem: Problem, grid: Grid, box: tuple[Array, Array]) -> Materia
 
     def equation(theta: Vector) -> Vector:
         k, u = theta[: problem.lower.size].reshape(shape), theta[problem.lower.size :]
-        of_k, of_u = _gradient(problem, k, u)
+        of_k, of_u = _gradient(model, everything, k, u)
         return jnp.where(free, jnp.append(of_k.ravel(), of_u), theta - edge)
 
     def newton(linear: Callable[[Vector], Vector], right: Vector) -> Vector:
@@ -180,7 +175,23 @@ def _solution(problem: Problem, grid: Grid, box: tuple[Array, Array]) -> Materia
         newton,
     )
     k, u = solved[: problem.lower.size].reshape(shape), solved[problem.lower.size :]
-    return model.with_linear(model.unpack(u)[0], k)
+    material, _ = model.unpack(u)
+    for name, column in zip(linear_names(material), k.T, strict=True):
+        material = eqx.tree_at(lambda m: coefficient(m, name), material, column)  # noqa: B023
+    return material
+
+
+def _minimum(
+    problem: Problem, groups: tuple[Group, ...], grid: Grid, box: tuple[Array, Array]
+) -> tuple[Float[Array, "C p"], Float[Array, "q"]]:
+    """k and u: searched on a comb of the points, finished on all."""
+    comb = tuple(
+        group.part(slice(None, None, max(group.weight.shape[1] // SAMPLE, 1))) for group in groups
+    )
+    start = search(problem, comb, grid, box).u[0]
+    everything = Blocks(groups, problem.model.material)
+    u, k, *_ = descend(problem, everything, start, box, damping=1e-9)
+    return k, u
 
 
 _solve = jax.jit(_solution)
@@ -198,41 +209,19 @@ def _inside(theta: Vector, lower: Vector, upper: Vector) -> Bool[Array, "n"]:
 
 
 def _gradient(
-    problem: Problem, k: Float[Array, "C p"], u: Float[Array, "q"]
+    model: Model, everything: Blocks, k: Float[Array, "C p"], u: Float[Array, "q"]
 ) -> tuple[Float[Array, "C p"], Float[Array, "q"]]:
     """d/dk and d/du of F."""
-    model = problem.model
 
     def cost(k: Array, u: Array) -> Array:
         @jax.checkpoint
-        def of_block(block: Block) -> Array:
-            residual = block.observed - predict(model.columns(u, block), k)
-            return 0.5 * jnp.sum(block.weight[None] * residual**2)
+        def of_image(at: Scenery) -> Array:
+            residual = at.photo.observed - jnp.stack(predict(model.columns(u, at), k))
+            return 0.5 * jnp.sum(at.photo.weight[None] * residual**2)
 
-        zero = jnp.zeros((), k.dtype)
-        return sum((_sum(group, of_block, zero) for group in problem.groups), zero)
+        return everything.sum(of_image)
 
     return jax.grad(cost, argnums=(0, 1))(k, u)
-
-
-class _Image(NamedTuple):
-    scene: Scene
-    observed: Float[Array, "B C P"]
-    weight: Float[Array, "B P"]
-
-
-def _sum(group: Group, of_block: Callable[[Block], Array], zero: Array) -> Array:
-    """Over all images and blocks: how many is known beforehand, as reverse mode needs it."""
-
-    def add_image(total: Array, image: _Image) -> tuple[Array, None]:
-        def add_block(total: Array, planes: tuple[GBuffer, Array, Array]) -> tuple[Array, None]:
-            surface, observed, weight = planes
-            return total + of_block(Block(surface, image.scene, observed, weight, None)), None
-
-        return lax.scan(add_block, total, (group.blocks, image.observed, image.weight))
-
-    images = _Image(group.scenes, group.observed, group.weight)
-    return lax.scan(add_image, zero, images)[0]
 
 
 def _step(

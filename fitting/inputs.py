@@ -5,30 +5,97 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from diffshade.arrays import ArrayLike, is_concrete
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.scene import Scene
-from fitting.observation import View
 
-__all__ = ["Photograph", "match", "traced_views", "views"]
+__all__ = ["Photograph", "Pixels", "Traced", "match", "traced"]
+
+Pixels = Int[np.ndarray, "n"] | slice
+"""Places in the rows of an image, one after the other."""
 
 
 class Photograph(NamedTuple):
-    """One image with its surface, its lights, and which of its pixels are used."""
+    """One image with its surface, its lights, and which of its pixels are used.
 
+    `given` are the pixels that the caller allows (None: all), `clipped` the observations that a sensor
+    clipped, which are used as "at least" whatever `given` says. The image is the caller's own array.
+    """
+
+    number: int
     image: Float[np.ndarray, "H W C"]
     gbuffer: GBuffer
     scene: Scene
-    valid: Bool[np.ndarray, "H W"]
+    given: Bool[np.ndarray, "H W"] | None = None
     clipped: Bool[np.ndarray, "H W C"] | None = None
+
+    @property
+    def channel_count(self) -> int:
+        """How many channels the image has."""
+        return self.image.shape[2]
+
+    @property
+    def valid(self) -> Bool[np.ndarray, "H W"]:
+        """The used pixels: of the foreground, allowed or clipped."""
+        foreground = self.gbuffer.mask
+        if self.given is None:
+            return foreground
+        allowed = self.given if self.clipped is None else self.given | self.clipped.any(-1)
+        return foreground & allowed
 
     @property
     def unclipped(self) -> Bool[np.ndarray, "H W"]:
         """The used pixels whose value is what was there, in every channel."""
         return self.valid if self.clipped is None else self.valid & ~self.clipped.any(-1)
+
+    @property
+    def unclipped_count(self) -> int:
+        """How many pixels are used and unclipped."""
+        if self.given is None and self.clipped is None:
+            return self.gbuffer.pixel_count
+        return int(self.unclipped.sum())
+
+    @property
+    def brightest(self) -> float:
+        """The largest observation of a used pixel."""
+        inside = True if self.given is None else self.valid[..., None]
+        return float(np.max(self.image, where=inside, initial=0.0))
+
+    def check(self) -> None:
+        """Raise `BadInput` where what was observed in a used pixel is not finite."""
+        at = slice(None) if self.gbuffer.index is None else np.asarray(self.gbuffer.index)
+        self.observed(at, self.used(at))
+
+    def used(self, at: Pixels) -> Bool[np.ndarray, "n"] | None:
+        """Which of the foreground pixels `at` are used; None for all of them."""
+        if self.given is None:
+            return None
+        allowed = self.given.reshape(-1)[at]
+        return allowed if self.clipped is None else allowed | self.clipped_at(at).any(0)
+
+    def clipped_at(self, at: Pixels) -> Bool[np.ndarray, "C n"]:
+        """Which observations of the pixels `at` are clipped."""
+        assert self.clipped is not None
+        return self.clipped.reshape(-1, self.channel_count)[at].T
+
+    def observed(self, at: Pixels, used: Bool[np.ndarray, "n"] | None) -> Float[np.ndarray, "C n"]:
+        """The radiance at the foreground pixels `at`, 0 where they are not used.
+
+        Raises `BadInput` where it is not finite in a used pixel.
+        """
+        values = self.image.reshape(-1, self.channel_count)[at].T
+        if used is not None:
+            values = np.where(used, values, 0)
+        # A sum is not finite where a part is not; a sum of huge numbers may not be either.
+        if not np.isfinite(values.sum()) and not np.isfinite(values).all():
+            raise BadInput(
+                f"image {self.number} holds NaN or infinity in a used pixel: leave those out by"
+                " `valid`"
+            )
+        return values
 
 
 def match(
@@ -49,55 +116,48 @@ def match(
         _photograph(k, *each)
         for k, each in enumerate(zip(pictures, surfaces, lights, masks, limits, strict=True))
     ]
-    if not any(p.valid.any() for p in photographs):
+    if not any(p.given is None or p.valid.any() for p in photographs):
         raise BadInput("no pixel is left to fit: every one is masked out, clipped or background")
     return photographs
 
 
-def views(photographs: Sequence[Photograph]) -> list[View]:
-    """The foreground of the photographs, as planes."""
-    return [_view(photograph) for photograph in photographs]
+class Traced(NamedTuple):
+    """One image whose values may be traced: of the foreground, and a weight each (0: not used)."""
+
+    gbuffer: GBuffer
+    scene: Scene
+    observed: Float[Array, "C P"]
+    weight: Float[Array, "P"]
 
 
-def traced_views(
+def traced(
     images: ArrayLike | Sequence[ArrayLike],
     gbuffer: GBuffer | Sequence[GBuffer],
     scenes: Scene | Sequence[Scene],
     valid: ArrayLike | Sequence[ArrayLike] | None,
-) -> list[View]:
-    """What `views(match(...))` gives, of arrays that may be traced: their values are not looked at."""
+) -> list[Traced]:
+    """What `match` gives, of arrays that may be traced: their values are not looked at."""
     pictures = _images(images)
     count = len(pictures)
     surfaces = _one_each(gbuffer, GBuffer, count, "G-buffers")
     lights = _one_each(scenes, Scene, count, "scenes")
     masks = _masks(valid, count, "valid masks", (2,))
     return [
-        _traced_view(k, *each)
+        _traced(k, *each)
         for k, each in enumerate(zip(pictures, surfaces, lights, masks, strict=True))
     ]
 
 
-def _traced_view(k: int, image: Any, gbuffer: GBuffer, scene: Scene, valid: Any) -> View:
+def _traced(k: int, image: Any, gbuffer: GBuffer, scene: Scene, valid: Any) -> Traced:
     _check_sizes(k, image, gbuffer, valid)
     dtype = gbuffer.normal.x.dtype
-    xp: Any = np if is_concrete((valid, gbuffer.index)) else jnp
-
-    def foreground(plane: Any) -> Any:
-        flat = plane.reshape(-1, *plane.shape[2:])
-        return flat if gbuffer.index is None else flat[xp.asarray(gbuffer.index)]
-
-    inside = np.ones(gbuffer.shape, bool) if valid is None else xp.asarray(valid, bool)
-    used = foreground(xp.asarray(inside))
+    at = slice(None) if gbuffer.index is None else jnp.asarray(gbuffer.index)
+    observed = jnp.asarray(image, dtype).reshape(-1, image.shape[2])[at].T
+    if valid is None:
+        return Traced(gbuffer, scene, observed, jnp.ones(observed.shape[1], dtype))
+    used = jnp.asarray(valid, bool).reshape(-1)[at]
     # Whatever lies outside the mask, NaN included, must not reach a derivative either.
-    observed = jnp.where(used[:, None], foreground(jnp.asarray(image, dtype)), 0)
-    return View(gbuffer, scene, observed, used.astype(dtype))
-
-
-def _view(photograph: Photograph) -> View:
-    image, gbuffer, scene, valid, clipped = photograph
-    inside = gbuffer.mask
-    weight = valid[inside].astype(image.dtype)
-    return View(gbuffer, scene, image[inside], weight, None if clipped is None else clipped[inside])
+    return Traced(gbuffer, scene, jnp.where(used, observed, 0), used.astype(dtype))
 
 
 def _images(images: Any) -> list[Any]:
@@ -145,25 +205,17 @@ def _photograph(
     k: int, image: np.ndarray, gbuffer: GBuffer, scene: Scene, valid: Any, clipped: Any
 ) -> Photograph:
     _check_sizes(k, image, gbuffer, valid)
-    inside = gbuffer.mask
-    if valid is not None:
-        inside = inside & np.asarray(valid, bool)
-    limits = None
-    if clipped is not None:
-        limits = np.asarray(clipped, bool)
-        if limits.shape not in (image.shape, image.shape[:2]):
-            raise BadInput(
-                f"the mask of clipped pixels of image {k} has shape {limits.shape}, the image"
-                f" {image.shape}: give [H, W] or [H, W, C]"
-            )
-        limits = np.broadcast_to(limits.reshape(*limits.shape[:2], -1), image.shape)
-        limits = limits & gbuffer.mask[..., None]
-        inside = inside | limits.any(-1)
-    if not np.isfinite(image[inside]).all():
+    given = None if valid is None else np.asarray(valid, bool)
+    if clipped is None:
+        return Photograph(k, image, gbuffer, scene, given)
+    limits = np.asarray(clipped, bool)
+    if limits.shape not in (image.shape, image.shape[:2]):
         raise BadInput(
-            f"image {k} holds NaN or infinity in a used pixel: leave those out by `valid`"
+            f"the mask of clipped pixels of image {k} has shape {limits.shape}, the image"
+            f" {image.shape}: give [H, W] or [H, W, C]"
         )
-    return Photograph(np.where(inside[..., None], image, 0), gbuffer, scene, inside, limits)
+    limits = np.broadcast_to(limits.reshape(*limits.shape[:2], -1), image.shape)
+    return Photograph(k, image, gbuffer, scene, given, limits)
 
 
 def _check_sizes(k: int, image: Any, gbuffer: GBuffer, valid: Any) -> None:

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
-import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
+from fitting.arrays import Array
 from fitting.gauge import Node, PolynomialGauge
 from fitting.model import Model, coefficient, full_names, linear_names, shininess_names
 
@@ -27,10 +27,18 @@ SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
 
 
 class Grid(NamedTuple):
-    """Nodes over u, and which of them are next to each other."""
+    """Nodes over u: every choice of lobes' shapes with every law of attenuation.
 
-    nodes: Float[np.ndarray, "N q"] | Float[Array, "N q"]
-    adjacent: Bool[np.ndarray, "N N"] | Bool[Array, "N N"]
+    `shapes` are those that each searched lobe may have, `chosen` which of them go together, a row a
+    choice; `laws` the constants of an attenuation, a row each (one without columns where none is
+    fitted). `near_shapes` and `near_laws` say which rows are next to each other.
+    """
+
+    shapes: tuple[Float[np.ndarray, "_"] | Float[Array, "_"], ...]
+    chosen: Int[np.ndarray, "N l"] | Int[Array, "N l"]
+    laws: Float[np.ndarray, "M s"] | Float[Array, "M s"]
+    near_shapes: Bool[np.ndarray, "N N"] | Bool[Array, "N N"]
+    near_laws: Bool[np.ndarray, "M M"] | Bool[Array, "M M"]
 
 
 @dataclass(frozen=True)
@@ -54,12 +62,15 @@ class Limits:
         lower, upper = self.box
         return np.append(self.lower, lower), np.append(self.upper, upper)
 
-    def searched(self, dtype: np.dtype) -> tuple[Grid, tuple[Array, Array]]:
-        """The grid and the box, on the device."""
-        nodes = np.clip(self.grid.nodes, *self.box).astype(dtype)
-        box = tuple(np.asarray(edge, dtype) for edge in self.box)
-        nodes, adjacent, box = jax.device_put((nodes, self.grid.adjacent, box))
-        return Grid(nodes, adjacent), box
+    def searched(self, dtype: np.dtype) -> tuple[Grid, tuple[np.ndarray, np.ndarray]]:
+        """The grid within the box, and the box, in that precision."""
+        lower, upper = (np.asarray(edge, dtype) for edge in self.box)
+        grid, count = self.grid, len(self.grid.shapes)
+        shapes = tuple(
+            np.clip(nodes, lower[j], upper[j]).astype(dtype) for j, nodes in enumerate(grid.shapes)
+        )
+        laws = np.clip(grid.laws, lower[count:], upper[count:]).astype(dtype)
+        return grid._replace(shapes=shapes, laws=laws), (lower, upper)
 
 
 def limits(
@@ -89,12 +100,8 @@ def limits(
         edges += [(0.0, np.inf) if value is None else (value, value) for value in gauge.held]
     box = np.array(edges, float).reshape(-1, 2).T
     grid = _grid(len(model.searched), None if gauge is None else gauge.nodes)
-    if start_given:
-        # Where the start is the lowest of all it is a basin of its own.
-        nodes = np.concatenate([grid.nodes, _start(model, start)[None]])
-        adjacent = np.pad(grid.adjacent, (0, 1))
-        adjacent[-1] = True
-        grid = Grid(nodes, adjacent)
+    if start_given and model.searched:
+        grid = _with_start(grid, [float(np.log(_shininess(start, j))) for j in model.searched])
     return Limits(lower, upper, natural, is_held, (box[0], box[1]), grid)
 
 
@@ -129,36 +136,42 @@ def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bou
 @cache
 def _grid(lobe_count: int, laws: tuple[Node, ...] | None) -> Grid:
     """Coarse nodes over u; of two lobes the first is the sharper."""
-    # What is varied, by its number on the axis: adjacent nodes differ by one at the most.
-    steps: list[tuple[int, ...]] = [()]
+    chosen: list[tuple[int, ...]] = [()]
     for _ in range(lobe_count):
         axis = range(len(SHININESS_NODES))
-        steps = [(*node, n) for node in steps for n in axis if not node or n < node[-1]]
-    values = [tuple(SHININESS_NODES[n] for n in node) for node in steps]
-    if laws is not None:
-        values = [(*node, *law) for node in values for _, law in laws]
-        steps = [(*node, *number) for node in steps for number, _ in laws]
-    return _grid_of(steps, values)
+        chosen = [(*node, n) for node in chosen for n in axis if not node or n < node[-1]]
+    return _grid_of((SHININESS_NODES,) * lobe_count, chosen, laws or (((), ()),))
 
 
 def ceiling_grid(model: Model, u: Float[np.ndarray, "q"], nearest: float, farthest: float) -> Grid:
     """Over attenuations whose clamp acts at some of the distances; the lobes stay at those of u."""
     assert isinstance(model.gauge, PolynomialGauge)
-    lobes = tuple(u[: len(model.searched)].tolist())
-    numbers, laws = zip(*model.gauge.ceiling_nodes(nearest, farthest), strict=True)
-    return _grid_of(numbers, [(*lobes, *law) for law in laws])
+    count = len(model.searched)
+    laws = model.gauge.ceiling_nodes(nearest, farthest)
+    return _grid_of(tuple(u[j : j + 1] for j in range(count)), [(0,) * count], laws)
 
 
-def _grid_of(steps: Sequence[tuple[int, ...]], values: Sequence[tuple[float, ...]]) -> Grid:
-    """Nodes; those are next to each other whose numbers on the axes differ by one at the most."""
-    count = len(steps)
-    at = np.array(steps, int).reshape(count, -1)
-    adjacent = (np.abs(at[:, None] - at[None]) <= 1).all(-1)
-    return Grid(np.array(values, float).reshape(count, -1), adjacent)
+def _grid_of(
+    shapes: tuple[np.ndarray, ...], chosen: Sequence[tuple[int, ...]], laws: Sequence[Node]
+) -> Grid:
+    """Rows are next to each other whose numbers on the axes differ by one at the most."""
+    numbers = np.array(chosen, np.int32).reshape(len(chosen), -1)
+    steps = np.array([number for number, _ in laws], int).reshape(len(laws), -1)
+    near_shapes, near_laws = (
+        (np.abs(at[:, None] - at[None]) <= 1).all(-1) for at in (numbers, steps)
+    )
+    values = np.array([law for _, law in laws], float).reshape(len(laws), -1)
+    return Grid(shapes, numbers, values, near_shapes, near_laws)
 
 
-def _start(model: Model, start: Material) -> np.ndarray:
-    """The u of the material as given; an attenuation starts in the middle of its triangle."""
-    lobes = [np.log(float(coefficient(start, f"specular.{j}.shininess"))) for j in model.searched]
-    law = () if model.gauge is None else model.gauge.middle
-    return np.array([*lobes, *law], float)
+def _with_start(grid: Grid, start: list[float]) -> Grid:
+    """A grid with the lobes of a start; where that is the lowest of all it is a basin of its own."""
+    shapes = tuple(np.append(nodes, value) for nodes, value in zip(grid.shapes, start, strict=True))
+    chosen = np.append(grid.chosen, [[len(nodes) - 1 for nodes in shapes]], axis=0)
+    near = np.pad(grid.near_shapes, (0, 1))
+    near[-1] = True
+    return grid._replace(shapes=shapes, chosen=chosen.astype(np.int32), near_shapes=near)
+
+
+def _shininess(material: Material, lobe: int) -> float:
+    return float(coefficient(material, f"specular.{lobe}.shininess"))

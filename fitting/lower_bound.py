@@ -29,20 +29,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Float
 
 from diffshade import guard
 from diffshade.channels import per_channel
+from fitting.arrays import Array
+from fitting.columns import Photo, photos, scenery
 from fitting.linear import bounded_least_squares
-from fitting.project import Problem, predict
-from fitting.sharding import over_devices
-from fitting.stream import Block, sum_over_blocks
+from fitting.model import Model
+from fitting.observation import Group
+from fitting.observed import Observed
+from fitting.polish import Minimum
+from fitting.project import weights_of
+from fitting.weights import Judge
 
 __all__ = ["Bounded", "bound"]
 
 EPS = float(np.finfo(np.float64).eps)
-BLOCKS = np.iinfo(np.int32).max
-"""All of them."""
 TOUCHES = 3
 """Planes from each face: the first at the least squares, the next where ks h is weighed against it."""
 
@@ -62,96 +65,97 @@ class Bounded(NamedTuple):
 class _Rounding(NamedTuple):
     """Relative errors: of a sum over all pixels, and of a column's values."""
 
-    sum: float
+    sum: Float[Array, ""]
     column: Float[Array, ""]
 
 
-@over_devices
 def bound(
-    problem: Problem,
-    u: Float[Array, "q"],
-    intervals: Float[Array, "I 2"],
-    threshold: Float[Array, ""],
+    observed: Observed,
+    minimum: Minimum,
+    intervals: Float[np.ndarray, "I 2"],
+    threshold: float,
 ) -> Bounded:
     """The bounds over intervals of n of the one lobe that is searched; one pass over the data.
 
     The rest of u is known. Only coefficients that leave no more than `threshold` need be looked at.
-    To be called in JAX's 64-bit mode.
     """
-    lobe = _lobe(problem)
+    problem, pages = minimum.problem, observed.pages
+    column = _column(problem.model)
+    grams, _ = pages.total(_grams, None, problem.model, minimum.u, intervals, minimum.judge)
     # The searched lobe's bounds last
-    order = [*(i for i in range(problem.lower.shape[1]) if i != lobe), lobe]
-    lower, upper = (_double(edge)[:, order] for edge in (problem.lower, problem.upper))
-    shapes = [group.weight.shape for group in problem.groups]
-    summed = 4 * EPS * sum(sum(shape) for shape in shapes)
-
-    def of_interval(interval: Float[Array, "2"]) -> tuple[Array, Array, Array]:
-        a, b = interval
-        grams = _grams(problem, lobe, u, a, b)
-        # exp(u), x^n and products: their errors grow with the exponent, which is at most 708.
-        rounding = _Rounding(summed, EPS * (1e4 + 8 * b))
-        of_channel = jax.vmap(_of_channel, (0, 0, 0, None, None))
-        below, above = of_channel(grams, lower, upper, threshold, rounding)
-        return jnp.linalg.norm(below), jnp.linalg.norm(above), jnp.sum(grams[:, -1, -1])
-
-    below, above, square = jax.vmap(of_interval)(intervals)
-    return Bounded(below, above, jnp.sqrt(square[0]))
+    order = [*(i for i in range(problem.lower.shape[1]) if i != column), column]
+    with jax.enable_x64(True):
+        bounded = _bounded(
+            np.sum(grams, axis=0),
+            problem.lower[:, order],
+            problem.upper[:, order],
+            intervals[:, 1],
+            np.asarray(threshold),
+            np.asarray(4 * EPS * pages.additions),
+        )
+    return Bounded(*(np.asarray(x) for x in bounded))
 
 
-def _lobe(problem: Problem) -> int:
+def _column(model: Model) -> int:
     """The column of the lobe that is searched."""
-    model = problem.model
     return model.column_count - len(model.material.specular) + model.searched[0]
 
 
-def _double(tree: PyTree) -> PyTree:
-    """The tree's floats in float64."""
-    floating = lambda x: jnp.issubdtype(jnp.result_type(x), jnp.floating)  # noqa: E731
-    return jax.tree.map(lambda x: jnp.asarray(x, jnp.float64) if floating(x) else x, tree)
+@jax.jit
+def _bounded(
+    grams: Float[Array, "I C m m"],
+    lower: Float[Array, "C p"],
+    upper: Float[Array, "C p"],
+    ends: Float[Array, "I"],
+    threshold: Float[Array, ""],
+    summed: Float[Array, ""],
+) -> Bounded:
+    def of_interval(gram: Float[Array, "C m m"], b: Float[Array, ""]) -> tuple[Array, Array]:
+        # exp(u), x^n and products: their errors grow with the exponent, which is at most 708.
+        rounding = _Rounding(summed, EPS * (1e4 + 8 * b))
+        of_channel = jax.vmap(_of_channel, (0, 0, 0, None, None))
+        below, above = of_channel(gram, lower, upper, threshold, rounding)
+        return jnp.linalg.norm(below), jnp.linalg.norm(above)
+
+    below, above = jax.vmap(of_interval)(grams, ends)
+    return Bounded(below, above, jnp.sqrt(jnp.sum(grams[0, :, -1, -1])))
 
 
 def _grams(
-    problem: Problem, lobe: int, u: Float[Array, "q"], a: Float[Array, ""], b: Float[Array, ""]
-) -> Float[Array, "C m m"]:
-    """The Gram matrix of the rows [K, M, D, g/2, S(b), y] in each channel, over all pixels."""
-    model, judge = _double((problem.model, problem.judge))
-    channel_count = len(problem.lower)
+    group: Group,
+    gains: None,
+    model: Model,
+    u: Float[Array, "q"],
+    intervals: Float[Array, "I 2"],
+    judge: Judge | None,
+) -> tuple[Float[Array, "K I C m m"], Float[Array, ""]]:
+    """Of the rows [K, M, D, g/2, S(b), y] of every image, for each interval."""
+    column, count = _column(model), model.channel_count
 
-    def of_block(block: Block, _: Array | None) -> Float[Array, "C m m"]:
-        block = _double(block)
+    def of_image(photo: Photo) -> Float[Array, "I C m m"]:
+        at = scenery(photo, group.surface, model.material)
+        weights = weights_of(model, at, judge)
 
-        def columns(n: Array) -> tuple[tuple[Array, ...], ...]:
-            return model.columns(u.at[0].set(jnp.log(n)), block)
+        def of_interval(interval: Float[Array, "2"]) -> Float[Array, "C m m"]:
+            def columns(n: Array) -> list[Float[Array, "C P"]]:
+                found = model.columns(u.at[0].set(jnp.log(n)), at)
+                return [jnp.stack(per_channel(planes, count)) for planes in found]
 
-        columns_at = [jax.jvp(columns, (n,), (jnp.ones_like(n),)) for n in (a, b)]
-        (at_a, slope_a), (at_b, slope_b) = columns_at
-        observed, weights, sets = block.observed, block.weight[None], len(at_a[lobe])
-        if judge is not None:
-            judged = predict(model.columns(judge.u, block), judge.k)
-            weights = judge.weights(judged, observed, block.clipped) * weights
-            sets = channel_count
-        grams = []
-        for g in range(sets):
-            others = [per_channel(c, sets)[g] for i, c in enumerate(at_a) if i != lobe]
-            curve = [per_channel(c[lobe], sets)[g] for c in (at_a, slope_a, at_b, slope_b)]
-            seen = observed if sets < channel_count else observed[g : g + 1]
-            rows = jnp.stack([*others, *_chord(curve, b - a), curve[2], *seen])
-            weighed = rows * weights[min(g, len(weights) - 1)][None]
-            grams.append(jnp.matmul(weighed, rows.T, precision=lax.Precision.HIGHEST))
-        # One matrix a channel, whose last row is what that channel saw
-        m = len(at_a) + 4
-        taken = np.tile(np.arange(m), (channel_count, 1))
-        if sets < channel_count:
-            taken[:, -1] += np.arange(channel_count)
-        of_set = np.minimum(np.arange(channel_count), sets - 1)
-        return jnp.stack(grams)[of_set[:, None, None], taken[:, :, None], taken[:, None, :]]
+            one = jnp.ones(())
+            (at_a, slope_a), (at_b, slope_b) = (jax.jvp(columns, (n,), (one,)) for n in interval)
+            curve = [x[column] for x in (at_a, slope_a, at_b, slope_b)]
+            others = [plane for i, plane in enumerate(at_a) if i != column]
+            chord = _chord(curve, interval[1] - interval[0])
+            rows = jnp.stack([*others, *chord, curve[2], photo.observed], axis=1)
+            weighed = rows * weights[:, None]
+            return jnp.einsum("cip,cjp->cij", weighed, rows, precision=lax.Precision.HIGHEST)
 
-    each = (sum_over_blocks(group, of_block, jnp.int32(BLOCKS)) for group in problem.groups)
-    total = [jnp.sum(of_images, axis=0) for of_images in each]
-    return sum(total[1:], total[0])
+        return lax.map(of_interval, intervals)
+
+    return lax.map(of_image, photos(group, gains)), jnp.zeros(())
 
 
-def _chord(curve: list[Float[Array, "P"]], width: Float[Array, ""]) -> tuple[Array, Array, Array]:
+def _chord(curve: list[Float[Array, "C P"]], width: Float[Array, ""]) -> tuple[Array, Array, Array]:
     """M, D and g / 2: the middle of what a convex function may be, its run, and half its gap.
 
     `curve` is S and dS/dn at a, and the same at b.

@@ -123,7 +123,7 @@ def fit_maps(
     start = default_material(p.scene for p in photographs) if material is None else material
     if any(leaf.ndim > 1 for leaf in jax.tree.leaves(start)):
         raise BadInput("the material holds maps: give one number, or one a channel")
-    brightest = max(float(p.image.max()) for p in photographs)
+    brightest = max(photograph.brightest for photograph in photographs)
     work: PixelWork | RegionWork
     if regions is None:
         searched = settings(start, bounds or {}, steps)
@@ -144,7 +144,7 @@ def fit_maps(
         inputs=lambda: fingerprint(photographs, work.options),
     )
     planes = _in_place(work.pixels, [MapPlanes(**arrays) for arrays in finished])
-    return _maps(gbuffer, start, photographs[0].image.shape[2], planes)
+    return _maps(gbuffer, start, photographs[0].channel_count, planes)
 
 
 def _in_place(pixels: Sequence[np.ndarray], blocks: Sequence[MapPlanes]) -> MapPlanes:

@@ -14,17 +14,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from diffshade.channels import Channels, per_channel, times
+from diffshade.channels import Channels
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
-from diffshade.shading.basis import basis
-from fitting.gauge import AbstractGauge, with_attenuation
-from fitting.stream import Block
+from fitting.arrays import Array
+from fitting.columns import Scenery, columns, predict
+from fitting.gauge import AbstractGauge
 
 __all__ = [
     "Model",
@@ -43,43 +43,25 @@ class Model(eqx.Module):
 
     `material` has the values of what is held. u holds, in this order, the logarithm of the shininess
     of the lobes `searched`; then, where an attenuation is fitted, the constants v of its `gauge`. Of
-    these the one that `dependent` marks makes up the sum of 1; none does where the scale is known.
+    these the unknown `dependent` makes up the sum of 1; none does where the scale is known. What
+    is left of u, without what depends on others or is held, are the m coordinates y of a search.
     """
 
     material: Material
     searched: tuple[int, ...] = eqx.field(static=True)
     channel_count: int = eqx.field(static=True)
     gauge: AbstractGauge | None = None
-    dependent: Bool[Array, "q"] | None = None
+    dependent: Int[Array, ""] | None = None
 
     @property
     def size(self) -> int:
-        """How many unknowns are searched."""
+        """How many unknowns u has."""
         return len(self.searched) + (0 if self.gauge is None else self.gauge.size)
 
     @property
-    def held(self) -> Bool[np.ndarray, "q"]:
-        """Which of the unknowns are held: constants of the attenuation."""
-        held = np.zeros(self.size, bool)
-        if self.gauge is not None:
-            held[len(self.searched) :] = [value is not None for value in self.gauge.held]
-        return held
-
-    @property
-    def known(self) -> Bool[np.ndarray, "q"]:
-        """Which of the unknowns are held, or depend on the others; of a model that is not traced."""
-        return self.held if self.dependent is None else self.held | np.asarray(self.dependent)
-
-    @property
-    def moves(self) -> tuple[tuple[int, int], ...]:
-        """Pairs (direction, column): what each of the `directions` changes of the columns."""
-        lobes, count = len(self.material.specular), len(self.searched)
-        plain = self.column_count - lobes
-        lit = [c for c, of_lights in enumerate(self.lit) if of_lights]
-        return (
-            *((i, plain + j) for i, j in enumerate(self.searched)),
-            *((i, c) for i in range(count, self.direction_count) for c in lit),
-        )
+    def direction_count(self) -> int:
+        """How many coordinates y has."""
+        return len(self.free) - int(self.gauge is not None and self.gauge.floating)
 
     @property
     def lit(self) -> tuple[bool, ...]:
@@ -92,31 +74,53 @@ class Model(eqx.Module):
         return len(linear_names(self.material))
 
     @property
-    def direction_count(self) -> int:
-        """How many of the unknowns move freely."""
-        return self.size - int(self.held.sum()) - int(self.dependent is not None)
+    def free(self) -> Int[np.ndarray, "f"]:
+        """Which of the unknowns are not held."""
+        laws = () if self.gauge is None else self.gauge.held
+        held = np.array([False] * len(self.searched) + [value is not None for value in laws], bool)
+        return np.flatnonzero(~held)
 
     @property
-    def slots(self) -> Float[Array, "m q"]:
-        """Which unknown each direction is of: rows of the identity."""
-        unknown = np.flatnonzero(~self.held)
-        rows = jnp.eye(self.size)[unknown]
+    def moving(self) -> Int[Array, "m"]:
+        """Which of the unknowns the coordinates are."""
+        free, count = self.free, len(self.searched)
         if self.dependent is None:
-            return rows
-        # Of the free l's, those that follow the dependent one, round about.
-        first, laws = len(self.searched), unknown[unknown >= len(self.searched)]
-        at = jnp.argmax(self.dependent[laws])
-        order = (at + 1 + jnp.arange(len(laws) - 1)) % len(laws)
-        return jnp.concatenate([rows[:first], rows[first:][order]])
+            return free
+        # Of the free constants, those that follow the dependent one, round about
+        laws = free[count:]
+        xp = self.dependent.__array_namespace__()
+        place = (xp.asarray(laws) == self.dependent).argmax()
+        others = xp.asarray(laws)[(place + np.arange(1, len(laws))) % len(laws)]
+        return xp.concatenate([xp.asarray(free[:count]), others])
 
     @property
-    def directions(self) -> Float[Array, "m q"]:
-        """The directions in which u moves: an unknown each, and what depends on it."""
-        slots = self.slots
+    def along(self) -> Bool[Array, "q m"]:
+        """Which unknown each coordinate is: the derivative of u, but for what depends on others."""
+        return np.arange(self.size)[:, None] == self.moving[None]
+
+    def coordinates(self, u: Float[Array, "q"]) -> Float[Array, "m"]:
+        """y of u."""
+        return u[self.moving]
+
+    def whole(self, y: Float[Array, "*n m"]) -> Float[Array, "*n q"]:
+        """u of y: what is held at its value, and what depends on others made up from them."""
+        xp, count = y.__array_namespace__(), len(self.searched)
+        spread = xp.sum(xp.where(self.along, y[..., None, :], 0), axis=-1)
         if self.dependent is None:
-            return slots
-        of_law = jnp.arange(self.direction_count) >= len(self.searched)
-        return slots - jnp.outer(of_law, self.dependent).astype(slots.dtype)
+            laws = () if self.gauge is None else self.gauge.held
+            held = np.array([0.0] * count + [value or 0.0 for value in laws])
+            return spread + xp.asarray(held, dtype=y.dtype)
+        dependent = np.arange(self.size) == self.dependent
+        return spread + xp.where(dependent, 1 - xp.sum(y[..., count:], axis=-1, keepdims=True), 0)
+
+    def pushed(self, rows: Float[Array, "*n q"]) -> Float[Array, "*n m"]:
+        """From derivatives in u, as if no unknown depended on others, to those in y."""
+        xp, count = rows.__array_namespace__(), len(self.searched)
+        own = rows[..., self.moving]
+        if self.dependent is None:
+            return own
+        law = np.arange(self.direction_count) >= count
+        return own - xp.where(law, rows[..., self.dependent, None], 0)
 
     def unpack(self, u: Float[Array, "q"]) -> tuple[Material, AbstractAttenuation | None]:
         """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
@@ -127,51 +131,39 @@ class Model(eqx.Module):
 
     def of_law(self, u: Float[Array, "q"]) -> Float[Array, "s"]:
         """The constants v of the attenuation."""
-        return self.whole(u)[len(self.searched) :]
-
-    def whole(self, u: Float[Array, "q"]) -> Float[Array, "q"]:
-        """u with its dependent entry made up from the others."""
-        if self.dependent is None:
-            return u
-        others = jnp.sum(jnp.where(self.dependent, 0, u)[len(self.searched) :])
-        return jnp.where(self.dependent, 1 - others, u)
+        return u[len(self.searched) :]
 
     def depending_on(self, u: Float[Array, "q"]) -> "Model":
-        """The model whose dependent entry is the largest l of u, where the scale is free."""
+        """The model whose dependent constant is the largest free l of u, where the scale is free."""
         if self.gauge is None or not self.gauge.floating:
             return self
-        laws = jnp.where(self.held[len(self.searched) :], -1, u[len(self.searched) :])
-        largest = len(self.searched) + jnp.argmax(laws)
-        return replace(self, dependent=jnp.arange(self.size) == largest)
+        laws = self.free[len(self.searched) :]
+        xp = u.__array_namespace__()
+        return replace(self, dependent=xp.asarray(laws)[u[laws].argmax()])
 
-    def columns(
-        self, u: Float[Array, "q"], block: Block, gain: Float[Array, ""] | None = None
-    ) -> tuple[Channels, ...]:
-        """What each linear coefficient adds to the image: the basis, p columns of planes [P].
+    def columns(self, u: Float[Array, "q"], at: Scenery) -> tuple[Channels, ...]:
+        """What each linear coefficient adds to an image: the basis, p columns."""
+        return columns(*self.unpack(u), at, self.channel_count)
 
-        Each has one plane a channel, or all have one for all channels. `gain` is that of all lights.
+    def slopes(
+        self, u: Float[Array, "q"], k: Float[Array, "C p"], at: Scenery
+    ) -> list[tuple[Array, ...]]:
+        """The derivative of the image A(u) k in each unknown, as if it depended on no other.
+
+        Each is a plane a channel.
         """
-        gbuffer, scene = block.gbuffer, block.scene
-        material, attenuation = self.unpack(u)
-        if attenuation is not None:
-            scene = with_attenuation(scene, attenuation)
-        terms = basis(gbuffer, scene, material)
-        lit = [
-            *((terms.diffuse,) if material.kd is not None else ()),
-            *(terms.specular or (None,) * len(material.specular)),
-        ]
-        if gain is not None:
-            lit = [None if term is None else times(term, (gain,)) for term in lit]
-        present = [*((terms.ambient,) if material.ka is not None else ()), *lit]
-        dark = jnp.zeros(gbuffer.pixel_count, gbuffer.normal.x.dtype)
-        grey = all(term is None or len(term) == 1 for term in present)
-        return tuple(
-            tuple(
-                plane + dark
-                for plane in per_channel(term or (dark,), 1 if grey else self.channel_count)
-            )
-            for term in present
-        )
+        count = len(self.searched)
+
+        def image(lobes: Array, law: Array) -> tuple[Array, ...]:
+            return predict(self.columns(jnp.concatenate([lobes, law]), at), k)
+
+        lobes, law = u[:count], u[count:]
+        units = jnp.asarray(np.eye(count), u.dtype)
+        found = [jax.jvp(lambda x: image(x, law), (lobes,), (one,))[1] for one in units]
+        if law.size:
+            push = jax.linearize(lambda x: image(lobes, x), law)[1]
+            found += [push(jnp.asarray(unit, u.dtype)) for unit in np.eye(law.size)]
+        return found
 
     def named(self, u: Float[np.ndarray, "q"]) -> dict[str, float]:
         """What is searched, by name."""
@@ -180,12 +172,6 @@ class Model(eqx.Module):
             f"specular.{j}.shininess": float(np.exp(u[k])) for k, j in enumerate(self.searched)
         }
         return lobes | ({} if self.gauge is None else self.gauge.named(u[count:]))
-
-    def with_linear(self, material: Material, k: Float[Array, "C p"]) -> Material:
-        """The material with its linear coefficients set, one number a channel."""
-        for name, column in zip(linear_names(material), k.T, strict=True):
-            material = eqx.tree_at(lambda m: coefficient(m, name), material, column)  # noqa: B023
-        return material
 
 
 def model_of(start: Material, held: frozenset[str], channel_count: int) -> Model:

@@ -1,12 +1,14 @@
 """Photographs as data: what was observed, where, under which lights, with what weight.
 
-Images that share a G-buffer and whose scenes have one structure form a group, stacked, so that a
-capture of a hundred photographs compiles once. Pixels lie in blocks, so that memory beyond the data
-does not grow with their number; each block is a comb over the whole surface, so that the first alone
-is a fair sample of all.
+Images that share a G-buffer and whose scenes have one structure lie in one stack, so that a capture of
+a hundred photographs compiles once. What a device gets of a stack is a `Group`: some of its points in
+all of its images. A page is a group of consecutive points, as many as a device is to hold at one time, so
+that memory beyond the photographs does not grow with their number; a sample is a group of few points
+from everywhere. The sizes of both grow in steps, so that captures of many sizes share a few compiled
+programs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,142 +16,237 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
-from jax.sharding import Mesh
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Bool, Float, Int, PyTree
 
 from diffshade.arrays import is_concrete
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.attenuation import InverseSquare
+from diffshade.light.base import AbstractLight
 from diffshade.scene import Scene
-from fitting.devices import place
+from diffshade.vector import Vec3
+from fitting.arrays import Array
+from fitting.gauge import lit_by
+from fitting.inputs import Photograph, Pixels, Traced
 
-__all__ = ["Group", "View", "group_views", "in_precision"]
+__all__ = ["Group", "Stack", "in_precision", "stacked", "stacks", "traced_groups"]
 
-BLOCK = 4096
-"""Pixels a block: more are no faster, and these stay in a processor's cache."""
-
-
-@dataclass(frozen=True)
-class View:
-    """One photograph: linear radiance at the G-buffer's pixels, and a weight each (0: not used)."""
-
-    gbuffer: GBuffer
-    scene: Scene
-    observed: Float[np.ndarray, "P C"] | Float[Array, "P C"]
-    weight: Float[np.ndarray, "P"] | Float[Array, "P"]
-    clipped: Bool[np.ndarray, "P C"] | None = None
+PAGE = 2**18
+"""Points times lights or channels, whichever are more, that a device works on at one time."""
+SAMPLE = 1024
+"""Points of a fair sample, and as many again of the brightest."""
+SAMPLES = 2**18
+"""Points times images of a sample, at the most."""
+FEWEST = 64
+"""Points of a sample, whatever the number of images."""
 
 
 class Group(eqx.Module):
-    """K images of one structure, their pixels in B blocks of P, of which the first `count` are filled.
+    """K images of one structure at P points of a surface; the first `fair` points are a fair sample.
 
-    B and P grow in steps, so that captures of many sizes share a few compiled programs. With a `mesh`
-    the blocks are split over its devices, and inside a program that runs on each B is its part.
+    `lights` are those of each kind, every leaf [K, L, ...]. `surface` is a G-buffer of P pixels, all
+    of them foreground.
     """
 
-    blocks: GBuffer  # every plane [B, P]
-    scenes: Scene  # every leaf [K, ...]
-    observed: Float[Array, "K B C P"]
-    weight: Float[Array, "K B P"]
-    count: Int[Array, ""]
-    clipped: Bool[Array, "K B C P"] | None = None
-    mesh: Mesh | None = eqx.field(static=True, default=None)
+    surface: GBuffer
+    ambient: Float[Array, "K ..."] | None
+    lights: tuple[AbstractLight, ...]
+    observed: Float[Array, "K C P"]
+    weight: Float[Array, "K P"]
+    clipped: Bool[Array, "K C P"] | None = None
+    fair: int = eqx.field(static=True, default=0)
 
-    def own(self, count: Int[Array, ""]) -> Int[Array, ""]:
-        """How many of the first `count` blocks this device has; they are dealt out in turn."""
-        if self.mesh is None:
-            return count
-        devices, (axis,) = self.mesh.size, self.mesh.axis_names
-        return (count + devices - 1 - lax.axis_index(axis)) // devices
+    @property
+    def image_count(self) -> int:
+        """K"""
+        return self.weight.shape[0]
 
-    def sample(self, size: int) -> "Group":
-        """A fair sample of about `size` pixels: a comb of the first block."""
-        step = self.weight.shape[2] // size
-        if step < 2 or self.blocks.spread is not None:
-            return self
-        blocks = replace(
-            self.blocks,
-            shape=(1, -(-self.weight.shape[2] // step)),
-            normal=jax.tree.map(lambda plane: plane[:1, ::step], self.blocks.normal),
-            position=jax.tree.map(lambda plane: plane[:1, ::step], self.blocks.position),
-            viewer=jax.tree.map(lambda leaf: leaf[:1], self.blocks.viewer),
-        )
-        observed, weight = self.observed[:, :1, :, ::step], self.weight[:, :1, ::step]
-        clipped = None if self.clipped is None else self.clipped[:, :1, :, ::step]
-        count = jnp.minimum(self.count, 1)
-        return Group(blocks, self.scenes, observed, weight, count, clipped, self.mesh)
+    def part(self, points: slice) -> "Group":
+        """The same at some of the points."""
+        surface = _points(self.surface, points)
+        clipped = None if self.clipped is None else self.clipped[..., points]
+        observed, weight = self.observed[..., points], self.weight[..., points]
+        return Group(surface, self.ambient, self.lights, observed, weight, clipped)
 
 
-def group_views(
-    views: Sequence[View], mesh: Mesh | None = None
-) -> tuple[tuple[Group, ...], tuple[int, ...]]:
-    """The views in groups, of the pixels that any view of a group uses; and which image is where."""
-    together: dict[object, list[int]] = {}
-    for k, view in enumerate(views):
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """Photographs of one surface whose scenes have one structure, and the points that any of them uses.
+
+    `points` says where these lie in the G-buffer's planes; None: they are all of its points.
+    """
+
+    photographs: tuple[Photograph, ...]
+    ambient: Float[np.ndarray, "K ..."] | None
+    lights: tuple[AbstractLight, ...]
+    points: Int[np.ndarray, "N"] | None
+
+    @property
+    def gbuffer(self) -> GBuffer:
+        """The surface that all of them show."""
+        return self.photographs[0].gbuffer
+
+    @property
+    def size(self) -> int:
+        """How many points are used."""
+        return self.gbuffer.pixel_count if self.points is None else len(self.points)
+
+    @property
+    def light_count(self) -> int:
+        """How many lights an image has."""
+        return sum(kind.intensity.shape[1] for kind in self.lights)
+
+    def page_length(self, devices: int) -> int:
+        """How many points a page has that splits evenly over so many devices."""
+        widest = max(self.light_count, self.photographs[0].channel_count, 1)
+        most = max(PAGE // widest, FEWEST) * devices
+        return -(-stepped(min(self.size, most)) // devices) * devices
+
+    def pages(self, devices: int) -> Iterator[Group]:
+        """All points, page by page."""
+        length = self.page_length(devices)
+        for first in range(0, self.size, length):
+            yield self.group(slice(first, min(first + length, self.size)), length)
+
+    def sample(self, *, bright: bool) -> Group:
+        """Points from everywhere, at equal distances; then, asked for, the brightest of every image.
+
+        A highlight may be so small that no fair sample meets it.
+        """
+        count = len(self.photographs)
+        most = max(min(SAMPLE, SAMPLES // (2 * count)), FEWEST)
+        if self.size <= 2 * most:
+            length = stepped(self.size)
+            return self.group(slice(0, self.size), length, fair=length)
+        even = np.arange(most) * self.size // most
+        brightest = [self._brightest(k, most // count) for k in range(count)] if bright else []
+        chosen = np.concatenate([even, *brightest])
+        return self.group(chosen, stepped(len(chosen)), fair=most)
+
+    def _brightest(self, k: int, count: int) -> Int[np.ndarray, "n"]:
+        """The brightest point of image k in each of `count` runs of points."""
+        if count == 0:
+            return np.zeros(0, int)
+        photograph, length = self.photographs[k], self.size // count
+        found = []
+        several = max(PAGE // length, 1)
+        for run in range(0, count, several):
+            runs = min(several, count - run)
+            at = self._at(slice(run * length, (run + runs) * length))
+            values = photograph.observed(at, photograph.used(at))
+            if photograph.clipped is not None:  # says little of how bright it is
+                values = np.where(photograph.clipped_at(at), 0, values)
+            brightness = values.sum(axis=0).reshape(runs, length)
+            found.append((run + np.arange(runs)) * length + brightness.argmax(axis=1))
+        return np.concatenate(found)
+
+    def _at(self, chosen: Pixels) -> Pixels:
+        """Where chosen points lie in the rows of an image."""
+        index = chosen if self.points is None else self.points[chosen]
+        return index if self.gbuffer.index is None else np.asarray(self.gbuffer.index)[index]
+
+    def group(self, chosen: Pixels, length: int, *, fair: int = 0) -> Group:
+        """The chosen points, filled up to a length with points that do not count."""
+        gbuffer, at = self.gbuffer, self._at(chosen)
+        dtype = np.dtype(gbuffer.normal.x.dtype)
+        index = chosen if self.points is None else self.points[chosen]
+        n = chosen.stop - chosen.start if isinstance(chosen, slice) else len(chosen)
+        shape = len(self.photographs), self.photographs[0].channel_count, length
+        observed, weight = np.zeros(shape, dtype), np.zeros((shape[0], length), dtype)
+        clipped = None
+        if any(photograph.clipped is not None for photograph in self.photographs):
+            clipped = np.zeros(shape, bool)
+        for k, photograph in enumerate(self.photographs):
+            used = photograph.used(at)
+            observed[k, :, :n] = photograph.observed(at, used)
+            weight[k, :n] = 1 if used is None else used
+            if clipped is not None and photograph.clipped is not None:
+                clipped[k, :, :n] = photograph.clipped_at(at)
+
+        def filled(plane: np.ndarray) -> np.ndarray:
+            # With a real point, at which everything is finite
+            out = np.empty((*plane.shape[:-1], length), plane.dtype)
+            out[..., :n] = plane[..., index]
+            out[..., n:] = out[..., :1]
+            return out
+
+        surface = _of_points(gbuffer, length, filled)
+        return Group(surface, self.ambient, self.lights, observed, weight, clipped, fair)
+
+
+def stacks(
+    photographs: Sequence[Photograph], *, fitted_law: bool
+) -> tuple[tuple[Stack, ...], tuple[int, ...]]:
+    """The photographs in stacks, and the number of each in the order of the stacks.
+
+    With a `fitted_law` the attenuation of point lights is one that is searched.
+    """
+    together: dict[object, list[Photograph]] = {}
+    for photograph in photographs:
+        leaves, structure = jax.tree.flatten(photograph.scene)
+        shapes = tuple(leaf.shape for leaf in leaves)
+        key = id(photograph.gbuffer), structure, shapes
+        together.setdefault(key, []).append(photograph)
+    found = tuple(_stack(members, fitted_law) for members in together.values())
+    return found, tuple(p.number for members in together.values() for p in members)
+
+
+def _stack(photographs: list[Photograph], fitted_law: bool) -> Stack:
+    gbuffer, points = photographs[0].gbuffer, None
+    at = slice(0, gbuffer.pixel_count) if gbuffer.index is None else np.asarray(gbuffer.index)
+    masks = [photograph.used(at) for photograph in photographs]
+    if all(mask is not None for mask in masks):
+        anywhere = np.logical_or.reduce(masks)
+        if not anywhere.all():  # where none is used, one stands for it that does not count
+            points = (
+                np.flatnonzero(anywhere).astype(np.int32) if anywhere.any() else np.zeros(1, int)
+            )
+    dtype = gbuffer.normal.x.dtype
+    scenes = [in_precision(photograph.scene, dtype) for photograph in photographs]
+    return Stack(tuple(photographs), *stacked(scenes, np, fitted_law=fitted_law), points)
+
+
+def stacked(
+    scenes: Sequence[Scene], xp: Any, *, fitted_law: bool
+) -> tuple[Float[Array, "K ..."] | None, tuple[AbstractLight, ...]]:
+    """The ambient light [K, ...] of scenes of one structure, and their lights kind by kind [K, L, ...].
+
+    In place of the attenuation of point lights, where that is fitted, stands one without constants.
+    """
+    ambient = None if scenes[0].ambient is None else xp.stack([s.ambient for s in scenes])
+    kinds: dict[object, list[int]] = {}
+    for j, light in enumerate(scenes[0].lights):
+        leaves, structure = jax.tree.flatten(light)
+        kinds.setdefault((structure, *(leaf.shape for leaf in leaves)), []).append(j)
+
+    def of_kind(members: list[int]) -> AbstractLight:
+        each = [[scene.lights[j] for j in members] for scene in scenes]
+        images = [jax.tree.map(lambda *leaves: xp.stack(leaves), *lights) for lights in each]
+        kind = jax.tree.map(lambda *leaves: xp.stack(leaves), *images)
+        return lit_by(kind, InverseSquare()) if fitted_law else kind
+
+    return ambient, tuple(of_kind(members) for members in kinds.values())
+
+
+def traced_groups(views: Sequence[Traced]) -> tuple[Group, ...]:
+    """The views in groups, of all their points: what may be traced is not looked at."""
+    together: dict[object, list[Traced]] = {}
+    for view in views:
         leaves, structure = jax.tree.flatten(view.scene)
-        shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
-        together.setdefault((id(view.gbuffer), structure, shapes), []).append(k)
-    groups = tuple(_group([views[k] for k in members], mesh) for members in together.values())
-    return groups, tuple(k for members in together.values() for k in members)
+        shapes = tuple(leaf.shape for leaf in leaves)
+        together.setdefault((id(view.gbuffer), structure, shapes), []).append(view)
+    return tuple(_traced_group(members) for members in together.values())
 
 
-def _group(views: list[View], mesh: Mesh | None) -> Group:
+def _traced_group(views: list[Traced]) -> Group:
     gbuffer = views[0].gbuffer
     dtype = gbuffer.normal.x.dtype
-    if gbuffer.spread is not None:
-        mesh = None  # one block, which every device has
-    index, real, count = _comb(views, 1 if mesh is None else mesh.size)
-    shape = index.shape
-    # What is at hand is arranged by NumPy, which is faster; what is traced, by JAX.
-    concrete = is_concrete(
-        [(view.gbuffer, view.scene, view.observed, view.weight) for view in views]
-    )
-    xp: Any = np if concrete else jnp
-
-    def planes(values: Any) -> Any:
-        return xp.asarray(values, dtype)[index]
-
-    def blocks(plane: Array) -> Any:
-        host = xp.asarray(plane)
-        return host[index] if gbuffer.spread is None else host[None]
-
-    def channels_first(values: list[Any]) -> Any:
-        return xp.moveaxis(xp.stack(values), 3, 2)
-
-    observed = channels_first([planes(view.observed) for view in views])
-    weight = xp.stack([planes(view.weight) * real.astype(dtype) for view in views])
-    masks = [view.clipped for view in views]
-    if any(mask is not None for mask in masks):
-        none = np.zeros(views[0].observed.shape, bool)
-        clipped = channels_first([(none if mask is None else mask)[index] for mask in masks])
-    else:
-        clipped = None
-    viewers = jax.tree.map(lambda leaf: xp.stack([leaf] * shape[0]), gbuffer.viewer)
-    scenes = jax.tree.map(lambda *leaves: xp.stack(leaves), *(view.scene for view in views))
-    surface = jax.tree.map(blocks, (gbuffer.normal, gbuffer.position))
-    # One precision throughout, that of the surface, whatever images and lights came in.
-    parts = (*surface, *in_precision((viewers, scenes), dtype))
-    parts = (*parts, observed, weight, clipped, np.int32(count))
-    if mesh is None:
-        parts = jax.device_put(parts) if concrete else jax.tree.map(jnp.asarray, parts)
-    else:
-        axes = (0, 0, 0, None, 1, 1, 1, None)
-        parts = tuple(place(x, mesh, axis) for x, axis in zip(parts, axes, strict=True))
-    normal, position, viewers, scenes, observed, weight, clipped, count = parts
+    size = views[0].weight.shape[0]
+    scenes = [in_precision(view.scene, dtype) for view in views]
     return Group(
-        blocks=GBuffer(
-            shape=(1, shape[1]),
-            normal=normal,
-            viewer=viewers,
-            position=position,
-            spread=jax.tree.map(lambda leaf: leaf[None], gbuffer.spread),
-        ),
-        scenes=scenes,
-        observed=observed,
-        weight=weight,
-        count=count,
-        clipped=clipped,
-        mesh=mesh,
+        _of_points(gbuffer, size, jnp.asarray),
+        *stacked(scenes, jnp, fitted_law=False),
+        jnp.stack([view.observed for view in views]),
+        jnp.stack([view.weight for view in views]),
     )
 
 
@@ -164,34 +261,40 @@ def in_precision(tree: PyTree, dtype: np.dtype) -> PyTree:
     return jax.tree.map(converted, tree)
 
 
-def _comb(
-    views: list[View], devices: int
-) -> tuple[Int[np.ndarray, "B P"], Bool[np.ndarray, "B P"], int]:
-    """The pixels of each block, which of them are real and not filling, and how many blocks hold any.
-
-    The blocks come in the order of the devices that they are dealt out to in turn.
-    """
-    gbuffer = views[0].gbuffer
-    if gbuffer.spread is not None:
-        # Intensities spread from faces or vertices, all of which are shaded: one block, whole.
-        everything = np.arange(gbuffer.pixel_count)[None]
-        return everything, np.ones(everything.shape, bool), 1
-    if is_concrete([view.weight for view in views]):
-        used = np.flatnonzero(np.any([np.asarray(view.weight) > 0 for view in views], axis=0))
-    else:
-        used = np.arange(gbuffer.pixel_count)
-    count = max(1, -(-used.size // BLOCK))
-    length = BLOCK if count > 1 else _stepped(used.size)
-    order = np.arange(count * length).reshape(length, count).T
-    each = -(-_stepped(count) // devices)
-    filling = np.full((each * devices - count, length), used.size)
-    order = np.concatenate([order, filling])
-    order = order.reshape(each, devices, length).swapaxes(0, 1).reshape(-1, length)
-    real = order < used.size
-    return used[np.where(real, order, 0)], real, count
+def _of_points(gbuffer: GBuffer, length: int, chosen: Any) -> GBuffer:
+    """A G-buffer of `length` points, its planes made by `chosen` from what lies at every pixel."""
+    dtype = gbuffer.normal.x.dtype
+    spread = gbuffer.spread
+    if spread is None:
+        normal, position = jax.tree.map(
+            lambda plane: chosen(np.asarray(plane) if is_concrete(plane) else plane),
+            (gbuffer.normal, gbuffer.position),
+        )
+    else:  # faces or vertices are all shaded, and spread over the pixels that are chosen
+        normal, position = gbuffer.normal, gbuffer.position
+        spread = jax.tree.map(
+            lambda leaf: chosen(np.asarray(leaf) if is_concrete(leaf) else leaf), spread
+        )
+    return GBuffer(
+        shape=(1, length),
+        normal=normal,
+        viewer=in_precision(gbuffer.viewer, dtype),
+        position=position,
+        spread=spread,
+    )
 
 
-def _stepped(size: int) -> int:
+def _points(surface: GBuffer, points: slice) -> GBuffer:
+    """Some points of a surface that is all foreground."""
+    pick = lambda tree: jax.tree.map(lambda leaf: leaf[..., points], tree)  # noqa: E731
+    length = len(range(*points.indices(surface.pixel_count)))
+    if surface.spread is not None:
+        return replace(surface, shape=(1, length), spread=pick(surface.spread))
+    normal: Vec3 = pick(surface.normal)
+    return replace(surface, shape=(1, length), normal=normal, position=pick(surface.position))
+
+
+def stepped(size: int) -> int:
     """The least of 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, ... that is no less: four an octave."""
     step = 1 << max(0, (size - 1).bit_length() - 3)
     return -(-size // step) * step

@@ -27,7 +27,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from diffshade.reflectance.lobe import AbstractLobe
-from fitting.pixel_linear import bounded, own_share, rounding, solve
+from fitting.closed_form import bounded, own_share, rounding, solve
 from fitting.solver import BoundedLevenbergMarquardt
 
 __all__ = ["PixelFit", "PixelProblem", "Settings", "fit_pixels"]

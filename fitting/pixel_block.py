@@ -111,9 +111,9 @@ def _problem(
     for slot in lamps.slots:
 
         def arrives(light: AbstractLight) -> tuple[Array, Array, Array | None]:
-            l, f = light.incidence(position)
+            l, distance = light.incidence(position)
             n_dot_l = dot(n, l)
-            return lambert(n_dot_l), lobe.angles(n, l, v, n_dot_l), f
+            return lambert(n_dot_l), lobe.angles(n, l, v, n_dot_l), light.falloff(distance)
 
         cosine, angle, f = jax.vmap(arrives)(slot)
         used = weight if f is None else weight * f

@@ -61,13 +61,14 @@ class PixelWork:
         def joined(cut: np.ndarray) -> np.ndarray:
             return np.moveaxis(cut, 0, -2).reshape(*cut.shape[1:-1], -1)
 
-        channel_count = self.photographs[0].image.shape[2]
+        channel_count = self.photographs[0].channel_count
         shape = (channel_count, len(self.photographs), self.length)
         observed = np.empty(shape, self.dtype)
         weight = np.empty(shape[1:], self.dtype)
         for k, photograph in enumerate(self.photographs):
-            observed[:, k] = photograph.image.reshape(-1, channel_count)[where].T
-            weight[k] = photograph.valid.ravel()[where] & real
+            used = photograph.used(where)
+            observed[:, k] = photograph.observed(where, used)
+            weight[k] = real if used is None else used & real
         observed *= weight
         normal, position = jax.tree.map(lambda plane: chunks(plane[padded]), self.surface)
         block = jax.device_put(Block(normal, position, chunks(observed), chunks(weight)))

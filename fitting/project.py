@@ -1,16 +1,16 @@
-"""Variable projection: the linear coefficients eliminated, streamed over blocks of pixels.
+"""Variable projection: the linear coefficients eliminated, and all that is left in one small matrix.
 
 For a given u the best linear coefficients k(u) solve a small bounded least-squares problem in each
 channel. What is left, |y - A(u) k(u)|^2, is a nonlinear least-squares problem in u alone (Golub and
-Pereyra 1973), whose Gauss-Newton model needs only the Gram matrix of A, of dA/du and of a residual
-(Kaufman 1975). One pass over the data sums it, block by block; nothing as large as an image is ever
-formed. Its Cholesky factor then stands for the residual: as many numbers as there are unknowns, and one.
+Pereyra 1973), whose Gauss-Newton model needs only the Gram matrix of A, of J = (dA/du) k and of the
+residual r = y - A k (Kaufman 1975), summed over all pixels. Its Cholesky factor then stands for the
+residual: as many numbers as there are unknowns, and one.
 
-The residual that is summed is that of a `reference` k near the solution, y - A k_ref. Subtracting Gram
-matrices of y itself would leave nothing of a small residual in float32.
+The residual that is summed is the one at a k near the best. Subtracting Gram matrices of y itself would
+leave nothing of a small residual in float32.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -18,39 +18,38 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float
 
-from diffshade import guard
 from diffshade.channels import Channels, per_channel
-from fitting.linear import bounded_least_squares, solve_positive
+from fitting import closed_form
+from fitting.arrays import Array
+from fitting.columns import Scenery, predict
+from fitting.linear import bounded_least_squares, planes_of
 from fitting.model import Model
-from fitting.observation import Group
-from fitting.stream import Block, sum_over_blocks
 from fitting.weights import Judge
 
-__all__ = ["Linearised", "Problem", "compressed_residual", "cost", "linearise", "predict"]
+__all__ = [
+    "Gains",
+    "Linearised",
+    "Problem",
+    "best_linear",
+    "compress",
+    "gram",
+    "gram_of",
+    "linearise",
+    "observed_gram",
+    "raw_square",
+    "weights_of",
+]
 
 
 class Problem(eqx.Module):
-    """A model, the observations in groups of one structure, and the bounds on linear coefficients."""
+    """A model, and the bounds on its linear coefficients; `norm` of all that is observed is a unit."""
 
     model: Model
-    groups: tuple[Group, ...]
     lower: Float[Array, "C p"]
     upper: Float[Array, "C p"]
-    reference: Float[Array, "C p"]  # linear coefficients near the solution
-    norm: Float[Array, ""]  # of everything observed: the unit of the residual
-    most_blocks: Int[Array, ""]  # that are looked at, of each group
-    judge: Judge | None = None  # by which observations are weighed
-    gains: Float[Array, "K"] | None = None  # of each image's lights, in the order of the groups
-
-    def each_group(self) -> Iterator[tuple[Group, Float[Array, "K"] | None]]:
-        """The groups, with the gains of their images."""
-        first = 0
-        for group in self.groups:
-            last = first + len(group.weight)
-            yield group, None if self.gains is None else self.gains[first:last]
-            first = last
+    norm: Float[Array, ""]
 
 
 class Gains(NamedTuple):
@@ -60,255 +59,197 @@ class Gains(NamedTuple):
     """
 
     best: Float[Array, "K"]
-    crossed: Float[Array, "K C m"]
+    crossed: Float[Array, "K C r"]
     square: Float[Array, "K"]
 
 
 class Linearised(eqx.Module):
-    """The fit around u: |r + J du|^2 = cost - 2 gradient.du + du.hessian.du, k eliminated.
+    """The fit around y: |r + J dy|^2 = cost - 2 gradient.dy + dy.hessian.dy, k eliminated.
 
-    `information` holds the Gram matrix of [A, J, r] in each channel, k not eliminated;
-    `image_cost` the |r|^2 of each image, in the order of the groups. `reference_cost` is that of the
-    reference: the cost comes of subtracting from it, and is no more precise than it.
+    k moves by `slope` dy. `information` holds the Gram matrix of [A, J, r] in each channel, k not
+    eliminated; `image_cost` the |r|^2 of each image.
     """
 
     k: Float[Array, "C p"]
     free: Bool[Array, "C p"]
+    slope: Float[Array, "C p m"]
     cost: Float[Array, ""]
-    gradient: Float[Array, "q"]
-    hessian: Float[Array, "q q"]
+    gradient: Float[Array, "m"]
+    hessian: Float[Array, "m m"]
     information: Float[Array, "C n n"]
     image_cost: Float[Array, "K"]
-    reference_cost: Float[Array, ""]
     gains: Gains | None
 
 
-class Sums(NamedTuple):
-    """Of rows R and the residual r, over the pixels of each of K images: R R', R r and r r.
+def observed_gram(
+    model: Model, u: Float[Array, "q"], at: Scenery, judge: Judge | None = None
+) -> Float[Array, "C n n"]:
+    """Of the rows [A, y] of one image, weighed as `judge` says: what tells k(u)."""
+    rows = [*model.columns(u, at), tuple(at.photo.observed)]
+    return gram_of(rows, model.channel_count, weights_of(model, at, judge))
 
-    G is 1 where all channels share their rows, else C.
+
+def gram(
+    model: Model,
+    u: Float[Array, "q"],
+    k: Float[Array, "C p"],
+    at: Scenery,
+    judge: Judge | None = None,
+) -> Float[Array, "C n n"]:
+    """Of the rows [A, J, r] of one image, weighed as `judge` says.
+
+    J has a row for each unknown, as if it depended on no other.
     """
-
-    rows: Float[Array, "K G m m"]
-    moment: Float[Array, "K C m"]
-    square: Float[Array, "K C"]
-
-
-def cost(problem: Problem, u: Float[Array, "q"]) -> tuple[Float[Array, ""], Float[Array, "C p"]]:
-    """min over k of |y - A(u) k|^2, and that k; one pass over the data."""
-    sums = _total(_sums(problem, u, derivatives=False))
-    change, _ = _solve(problem, sums)
-    return jnp.sum(_square(sums, change)), problem.reference + change
+    photo, count = at.photo, model.channel_count
+    columns = model.columns(u, at)
+    left = [y - p for y, p in zip(photo.observed, predict(columns, k), strict=True)]
+    weights = weights_of(model, at, judge)
+    return gram_of([*columns, *model.slopes(u, k, at), tuple(left)], count, weights)
 
 
-def linearise(problem: Problem, u: Float[Array, "q"]) -> Linearised:
-    """k(u) and the Gauss-Newton model around u; one pass over the data."""
-    model, (channel_count, p) = problem.model, problem.lower.shape
-    each = _sums(problem, u, derivatives=True)
-    sums = _total(each)
-    change, free = _solve(problem, sums)
-    k = _snapped(problem, problem.reference + change, free)
+def weights_of(model: Model, at: Scenery, judge: Judge | None) -> Float[Array, "_ P"]:
+    """Of the observations of an image: one for all channels, or as `judge` says."""
+    photo = at.photo
+    if judge is None:
+        return photo.weight[None]
+    judged = jnp.stack(predict(model.columns(judge.u, at), judge.k))
+    return photo.weight[None] * judge.weights(judged, photo.observed, photo.clipped)
 
-    # From rows [A, dA/du] to [A, J], J = dA/du k: one column a direction.
-    m, q = model.direction_count, u.size
-    dtype = u.dtype
-    moves = np.zeros((len(model.moves), m, p))
-    for row, (direction, column) in enumerate(model.moves):
-        moves[row, direction, column] = 1
-    derivative = jnp.einsum("rdc,gc->grd", jnp.asarray(moves, dtype), k)
-    # and from directions to unknowns; those that are held or dependent get a column of zeros
-    derivative = derivative @ model.slots.astype(dtype)
-    n = p + q + 1
 
-    size = sums.rows.shape[-1]
-    to = jnp.zeros((channel_count, size, n), dtype)
-    to = to.at[:, :p, :p].set(jnp.eye(p, dtype=dtype)).at[:, p:, p : p + q].set(derivative)
-    rows = jnp.broadcast_to(sums.rows, (channel_count, size, size))
-    moment = sums.moment - jnp.einsum("cij,cj->ci", rows[:, :, :p], change)
-    gram = jnp.einsum("cia,cij,cjb->cab", to, rows, to)
-    side = jnp.einsum("cia,ci->ca", to, moment)
-    gram = gram.at[:, -1, :].set(side).at[:, :, -1].set(side)
-    gram = gram.at[:, -1, -1].set(_square(sums, change))
+def gram_of(
+    rows: Sequence[Channels], count: int, weights: Float[Array, "_ P"]
+) -> Float[Array, "C n n"]:
+    """The products of rows in each of `count` channels, summed over the points with their weights."""
+    planes = jnp.stack([jnp.stack(per_channel(row, count)) for row in rows], axis=1)
+    weighed = planes * weights[:, None]
+    return jnp.einsum("cip,cjp->cij", weighed, planes, precision=lax.Precision.HIGHEST)
 
-    def eliminate(gram: Array, free: Array) -> tuple[Array, Array]:
-        keep = free.astype(dtype)
-        inner = gram[:p, :p] * jnp.outer(keep, keep) + jnp.diag(1 - keep)
-        scale = 1 / jnp.sqrt(jnp.diagonal(inner))
-        inner = inner * jnp.outer(scale, scale)
-        side = gram[:p, p:] * (keep * scale)[:, None]
-        solved = solve_positive(inner, side)
-        return gram[p:, p:] - side.T @ solved, solved[:, q] * scale * keep
+
+def best_linear(
+    problem: Problem, total: Float[Array, "*N C n n"]
+) -> tuple[Float[Array, "*N C p"], Float[Array, "*N"]]:
+    """k within its bounds, and the cost, from the Gram matrix of [A, y] over all images."""
+    moment = total[..., :-1, -1]
+    xp = moment.__array_namespace__()
+    lower, upper = (xp.broadcast_to(x, moment.shape) for x in (problem.lower, problem.upper))
+    k, _ = bounded_least_squares(total[..., :-1, :-1], moment, lower, upper)
+    return k, _square(total, k).sum(axis=-1)
+
+
+def linearise(
+    problem: Problem,
+    each: Float[Array, "K C n n"],
+    k: Float[Array, "C p"],
+    gains: Float[Array, "K"] | None = None,
+) -> Linearised:
+    """k(u) and the Gauss-Newton model around u, from the Gram matrices of every image at u and k.
+
+    The arrays are JAX's or NumPy's.
+    """
+    xp, p = k.__array_namespace__(), k.shape[1]
+    model, total = problem.model, each.sum(axis=0)
+    change, free = bounded_least_squares(
+        total[:, :p, :p], total[:, :p, -1], problem.lower - k, problem.upper - k
+    )
+    best = _snapped(problem, k, k + change, free)
+    half = _onto(model, total, change[:, None])
+    information = _onto(model, xp.matrix_transpose(half), change[:, None])
 
     # k refined once against the residual that was actually left
-    schur, refinement = jax.vmap(eliminate)(gram, free)
-    total = jnp.sum(schur, axis=0)
+    across = information[:, :p, p:]
+    inner = [[entry[:, None] for entry in row] for row in planes_of(information[:, :p, :p])]
+    among = [each[:, None] for each in xp.unstack(free, axis=1)]
+    solved = closed_form.solve(inner, list(xp.unstack(across, axis=1)), among)
+    solution = xp.stack(solved, axis=1) if p else across
+    schur = information[:, p:, p:] - xp.matmul(xp.matrix_transpose(across), solution)
+    rest = schur.sum(axis=0)
     return Linearised(
-        k=jnp.clip(k + refinement, problem.lower, problem.upper),
+        k=xp.clip(best + solution[:, :, -1], problem.lower, problem.upper),
         free=free,
-        cost=jnp.maximum(total[q, q], 0),
-        gradient=total[:q, q],
-        hessian=total[:q, :q],
-        information=gram,
-        image_cost=jnp.sum(jax.vmap(_square, (0, None))(each, change), axis=-1),
-        reference_cost=jnp.sum(sums.square),
-        gains=None if problem.gains is None else _gains(problem, each, change, k, to[:, :, :-1]),
+        slope=-solution[:, :, :-1],
+        cost=xp.maximum(rest[-1, -1], 0),
+        gradient=rest[:-1, -1],
+        hessian=rest[:-1, :-1],
+        information=information,
+        image_cost=_square(each, change[None]).sum(axis=-1),
+        gains=None if gains is None else _gains(model, each, change, best, gains),
     )
 
 
-def compressed_residual(
-    u: Float[Array, "q"], problem: Problem
-) -> tuple[Float[Array, "m"], Linearised]:
-    """q + 1 numbers with the norm and the Gauss-Newton model of the whole residual; and that model.
-
-    Its derivative in u is the Jacobian that the data gave, not that of the eliminations above.
-    """
-    here = lax.stop_gradient(u)
-    at = linearise(problem, here)
-    residual, jacobian = _compress(at, problem.model.held)
-    return (residual + jacobian @ (u - here)) / problem.norm, at
+def _onto(
+    model: Model, rows: Float[Array, "*N n"], change: Float[Array, "*M p"]
+) -> Float[Array, "*N r"]:
+    """Products with [A, dA/du k, r] as products with [A, J, r - A change]."""
+    xp, p = rows.__array_namespace__(), change.shape[-1]
+    linear, unknown, left = rows[..., :p], rows[..., p:-1], rows[..., -1:]
+    left = left - (linear * change).sum(axis=-1)[..., None]
+    return xp.concatenate([linear, model.pushed(unknown), left], axis=-1)
 
 
-def _compress(
-    at: Linearised, held: Bool[np.ndarray, "q"]
-) -> tuple[Float[Array, "m"], Float[Array, "m q"]]:
+def compress(at: Linearised, eps: float) -> tuple[Float[Array, "n"], Float[Array, "n m"]]:
     """r and J with J'J = H, J'r = -g and r.r = cost: a Cholesky factor, scaled and guarded.
 
-    An unknown that is held or depends on others, or that the data see only within rounding, has no
-    column. The diagonal is raised by what rounding may have taken from it: eliminating k leaves of a
-    column's square `raw` only its `curvature`, with errors in proportion to `raw`.
+    A coordinate that the data see only within their rounding `eps` has no column. The diagonal is
+    raised by what rounding may have taken from it: eliminating k leaves of a column's square `raw`
+    only its `curvature`, with errors in proportion to `raw`.
     """
-    q = at.gradient.size
-    eps = jnp.finfo(at.gradient.dtype).eps
-    curvature = jnp.diagonal(at.hessian)
-    p = at.k.shape[1]
-    raw = jnp.sum(jnp.diagonal(at.information, axis1=1, axis2=2)[:, p : p + q], axis=0)
-    alive = ~held & (curvature > 30 * eps * raw)
+    m = at.gradient.size
+    curvature, raw = jnp.diagonal(at.hessian), raw_square(at)
+    alive = curvature > 30 * eps * raw
     scale = jnp.sqrt(jnp.where(alive, curvature, 1))
     keep = alive.astype(at.gradient.dtype)
-    matrix = at.hessian / jnp.outer(scale, scale) * jnp.outer(keep, keep)
-    raised = 1 + 20 * eps * jnp.where(alive, raw / jnp.where(alive, curvature, 1), 1)
-    diagonal = jnp.eye(q, dtype=matrix.dtype)
-    matrix = matrix * (1 - diagonal) + raised[:, None] * diagonal
-    factor = jnp.linalg.cholesky(matrix)
+    matrix = at.hessian * jnp.outer(keep / scale, keep / scale)
+    least = float(jnp.finfo(at.gradient.dtype).eps)
+    raised = 1 + 20 * least * jnp.where(alive, raw / jnp.where(alive, curvature, 1), 1)
+    diagonal = jnp.eye(m, dtype=matrix.dtype)
+    factor = jnp.linalg.cholesky(matrix * (1 - diagonal) + raised[:, None] * diagonal)
     z = jax.scipy.linalg.solve_triangular(factor, at.gradient * keep / scale, lower=True)
     rest = jnp.sqrt(jnp.maximum(at.cost - z @ z, 0))
-    residual = jnp.append(z, rest)
-    jacobian = jnp.append(-factor.T * (scale * keep)[None, :], jnp.zeros((1, q), z.dtype), axis=0)
-    return residual, jacobian
+    jacobian = jnp.append(-factor.T * (scale * keep)[None], jnp.zeros((1, m), z.dtype), axis=0)
+    return jnp.append(z, rest), jacobian
 
 
-def _total(sums: Sums) -> Sums:
-    """Over all images."""
-    return Sums(*(jnp.sum(of_images, axis=0) for of_images in sums))
+def raw_square(at: Linearised) -> Float[Array, "m"]:
+    """Of each coordinate's column, before k is eliminated."""
+    p = at.k.shape[1]
+    diagonal = at.information.__array_namespace__().diagonal(at.information, axis1=1, axis2=2)
+    return diagonal[:, p:-1].sum(axis=0)
 
 
-def _solve(problem: Problem, sums: Sums) -> tuple[Float[Array, "C p"], Bool[Array, "C p"]]:
-    """The change of the reference that fits best within the bounds, and which of it is free."""
-    channel_count, p = problem.lower.shape
-    gram = jnp.broadcast_to(sums.rows[:, :p, :p], (channel_count, p, p))
-    return jax.vmap(bounded_least_squares)(
-        gram,
-        sums.moment[:, :p],
-        problem.lower - problem.reference,
-        problem.upper - problem.reference,
-    )
-
-
-def _snapped(problem: Problem, k: Float[Array, "C p"], free: Bool[Array, "C p"]) -> Array:
+def _snapped(
+    problem: Problem, reference: Float[Array, "C p"], k: Float[Array, "C p"], free: Array
+) -> Float[Array, "C p"]:
     """k with what lies on a bound exactly there, whatever rounding made of it."""
-    nearest = jnp.where(k - problem.lower <= problem.upper - k, problem.lower, problem.upper)
-    near = jnp.abs(k - nearest) <= 1e-3 * jnp.abs(problem.reference - nearest)
-    return jnp.where(
-        ~free & near & jnp.isfinite(nearest), nearest, jnp.clip(k, problem.lower, problem.upper)
-    )
+    xp, lower, upper = k.__array_namespace__(), problem.lower, problem.upper
+    nearest = xp.where(k - lower <= upper - k, lower, upper)
+    near = xp.abs(k - nearest) <= 1e-3 * xp.abs(reference - nearest)
+    return xp.where(~free & near & xp.isfinite(nearest), nearest, xp.clip(k, lower, upper))
 
 
 def _gains(
-    problem: Problem,
-    each: Sums,
+    model: Model,
+    each: Float[Array, "K C n n"],
     change: Float[Array, "C p"],
     k: Float[Array, "C p"],
-    to: Float[Array, "C r m"],
+    gains: Float[Array, "K"],
 ) -> Gains:
     """Of an image I_a k_a + g L, L its lit part: g follows by least squares from <L, r> and <L, L>.
 
     The mean is kept at 1.
     """
-    assert problem.gains is not None
-    p = k.shape[1]
-    lit = k * np.array(problem.model.lit, float).astype(k.dtype)[None]
-    rows = jnp.broadcast_to(each.rows, (len(each.rows), len(k), *each.rows.shape[2:]))
-    moment = each.moment[:, :, :p] - jnp.einsum("gcij,cj->gci", rows[:, :, :p, :p], change)
-    along = jnp.einsum("gcij,cj->gci", rows[:, :, :, :p], lit)
-    square = jnp.einsum("ci,gci->g", lit, along[:, :, :p])
-    step = guard.reciprocal(square) * jnp.einsum("ci,gci->g", lit, moment)
-    better = problem.gains * jnp.maximum(1 + step, 0)
-    return Gains(
-        best=better * guard.reciprocal(jnp.mean(better)),
-        crossed=jnp.einsum("gci,cim->gcm", along, to)
-        * guard.reciprocal(problem.gains)[:, None, None],
-        square=square * guard.reciprocal(problem.gains) ** 2,
-    )
+    xp, p = k.__array_namespace__(), k.shape[1]
+    lit = k * np.array(model.lit, k.dtype)
+    along = _onto(model, (each[..., :p] * lit[:, None]).sum(axis=-1), change)
+    square = (along[:, :, :p] * lit).sum(axis=(1, 2))
+    left, dark = along[:, :, -1].sum(axis=1), square == 0
+    better = gains * xp.maximum(1 + xp.where(dark, 0, left / xp.where(dark, 1, square)), 0)
+    own = xp.where(gains == 0, 1, gains)
+    return Gains(better / better.mean(), along[:, :, :-1] / own[:, None, None], square / own**2)
 
 
-def _square(sums: Sums, change: Float[Array, "C p"]) -> Float[Array, "C"]:
-    """|r - A change|^2 in each channel."""
-    p = change.shape[1]
-    rows = jnp.broadcast_to(sums.rows[:, :p, :p], (change.shape[0], p, p))
-    crossed = jnp.einsum("ci,ci->c", change, sums.moment[:, :p])
-    return sums.square - 2 * crossed + jnp.einsum("ci,cij,cj->c", change, rows, change)
-
-
-def _sums(problem: Problem, u: Float[Array, "q"], *, derivatives: bool) -> Sums:
-    """The sums of [A] or [A, dA/du] and the residual of the reference, image by image."""
-    model, judge = problem.model, problem.judge
-    channel_count = len(problem.reference)
-    moves = model.moves if derivatives else ()
-    directions = model.directions.astype(u.dtype)
-
-    def of_block(block: Block, gain: Float[Array, ""] | None) -> Sums:
-        columns, push = jax.linearize(lambda u: model.columns(u, block, gain), u)
-        moved = [push(direction) for direction in directions] if moves else []
-        present = (*columns, *(moved[i][j] for i, j in moves))
-        residual = block.observed - predict(columns, problem.reference)
-        if judge is None:
-            weights, sets = block.weight[None], len(columns[0])
-        else:
-            judged = predict(model.columns(judge.u, block, gain), judge.k)
-            weights = judge.weights(judged, block.observed, block.clipped) * block.weight[None]
-            sets = channel_count
-        # One product of tall matrices for each set of rows, the residuals among them.
-        size, grams = len(present), []
-        for g in range(sets):
-            planes = [row[min(g, len(row) - 1)] for row in present]
-            left = residual if sets < channel_count else residual[g : g + 1]
-            rows = jnp.stack([*planes, *left])
-            weighed = rows * weights[min(g, len(weights) - 1)][None]
-            grams.append(jnp.matmul(weighed, rows.T, precision=lax.Precision.HIGHEST))
-        gram = jnp.stack(grams)
-        return Sums(
-            gram[:, :size, :size],
-            jnp.swapaxes(gram[:, :size, size:], 1, 2).reshape(channel_count, size),
-            jnp.diagonal(gram[:, size:, size:], axis1=1, axis2=2).reshape(channel_count),
-        )
-
-    each = [
-        sum_over_blocks(group, of_block, problem.most_blocks, gains)
-        for group, gains in problem.each_group()
-    ]
-    # Groups whose lights have one colour share their rows; beside others each channel has its own.
-    sets = max(sums.rows.shape[1] for sums in each)
-    each = [
-        sums._replace(
-            rows=jnp.broadcast_to(sums.rows, (len(sums.rows), sets, *sums.rows.shape[2:]))
-        )
-        for sums in each
-    ]
-    return Sums(*(jnp.concatenate(of_groups) for of_groups in zip(*each, strict=True)))
-
-
-def predict(columns: tuple[Channels, ...], k: Float[Array, "C p"]) -> Float[Array, "C P"]:
-    """The image A k."""
-    each = (per_channel(column, len(k)) for column in columns)
-    terms = [jnp.stack(planes) * ks[:, None] for planes, ks in zip(each, k.T, strict=True)]
-    return sum(terms[1:], terms[0])
+def _square(gram: Float[Array, "*N C n n"], change: Float[Array, "*M C p"]) -> Float[Array, "*N C"]:
+    """|r - A change|^2 in each channel, r the last row."""
+    p = change.shape[-1]
+    crossed = (change * gram[..., :p, -1]).sum(axis=-1)
+    inner = (change[..., :, None] * gram[..., :p, :p] * change[..., None, :]).sum(axis=(-1, -2))
+    return gram[..., -1, -1] - 2 * crossed + inner

@@ -1,85 +1,104 @@
 """From the unknowns of the search back to coefficients as the texts name them."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 
-from diffshade.light.attenuation import AbstractAttenuation, QuadraticAttenuation
+from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
-from fitting.gauge import CONSTANTS, PolynomialGauge, ReferenceAttenuation
+from fitting.arrays import Array
+from fitting.gauge import PolynomialGauge
 from fitting.model import Model, coefficient, linear_names, shininess_names
 
-__all__ = ["Recovery", "clamped_within", "recover"]
+__all__ = ["Recovery", "clamped_within"]
 
 Numbers = Float[Array, "..."]
 
 
-class Recovery(eqx.Module):
-    """How k and u become coefficients; `nearest` is the least distance between surface and light."""
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """How k and u become coefficients.
+
+    `upper` are the bounds that the linear ones have once their scale is set, `nearest` the least
+    distance between a surface and a light whose attenuation is fitted.
+    """
 
     model: Model
-    upper: Float[Array, "C p"]
-    nearest: Float[Array, ""] | None
+    upper: Float[np.ndarray, "C p"]
+    nearest: float
+
+    def coefficients(
+        self, k: Float[np.ndarray, "*n C p"], u: Float[np.ndarray, "*n q"]
+    ) -> dict[str, Numbers]:
+        """Every coefficient by name, [*n, C] or [*n]; those at the reference distance too."""
+        model, gauge = self.model, self.model.gauge
+        names = linear_names(model.material)
+        scale = self._scale(k, u)
+        found = {
+            name: k[..., i] * (scale[..., None] if self._attenuated[i] else 1)
+            for i, name in enumerate(names)
+        }
+        for j, name in enumerate(shininess_names(model.material)):
+            if j in model.searched:
+                found[name] = np.exp(u[..., model.searched.index(j)])
+            else:
+                value = np.asarray(coefficient(model.material, name), float)
+                found[name] = np.broadcast_to(value, (*u.shape[:-1], *value.shape))
+        if gauge is None:
+            return found
+        v = u[..., len(model.searched) :]
+        constants = zip(fields(gauge.kind), gauge.constants(v, scale), strict=True)
+        found |= {f"attenuation.{field.name}": value for field, value in constants}
+        if not isinstance(gauge, PolynomialGauge):
+            return found
+        found |= {f"reference.l{number}": share for number, share in enumerate(gauge.shares(v))}
+        f = gauge.at_reference(v)
+        return found | {
+            f"reference.{name}": f[..., None] * k[..., i]
+            for i, name in enumerate(names)
+            if self._attenuated[i]
+        }
 
     def material(
-        self, k: Float[Array, "C p"], u: Float[Array, "q"]
-    ) -> tuple[Material, AbstractAttenuation | None]:
-        """The recovered material, and the attenuation of its lights where one was fitted."""
-        material, law = self.model.unpack(u)
-        if self.model.gauge is None or law is None:
-            return self.model.with_linear(material, k), None
-        scale = self._scale(k, law)
-        k = jnp.where(_attenuated(material, k), scale * k, k)
-        return (
-            self.model.with_linear(material, k),
-            self.model.gauge.reported(self.model.of_law(u), scale),
+        self, k: Float[np.ndarray, "C p"], u: Float[np.ndarray, "q"], dtype: np.dtype
+    ) -> Material:
+        """The recovered material, in a precision."""
+        values, model = self.coefficients(k, u), self.model
+        shininess = [f"specular.{j}.shininess" for j in model.searched]
+        names = (*linear_names(model.material), *shininess)
+        return eqx.tree_at(
+            lambda material: [coefficient(material, name) for name in names],
+            model.material,
+            [jnp.asarray(values[name], dtype) for name in names],
         )
 
-    def coefficients(self, k: Float[Array, "C p"], u: Float[Array, "q"]) -> dict[str, Numbers]:
-        """Every coefficient by name; those at the reference distance too."""
-        material, law = self.material(k, u)
-        names = (*linear_names(material), *shininess_names(material))
-        found = {name: coefficient(material, name) for name in names}
-        gauge, fitted = self.model.gauge, self.model.unpack(u)[1]
-        if gauge is None or fitted is None:
-            return found
-        found |= {f"attenuation.{f.name}": getattr(law, f.name) for f in fields(type(law))}  # type: ignore[arg-type]
-        shares = gauge.shares(self.model.of_law(u))
-        if not shares:
-            return found
-        at_reference = fitted(gauge.distance)
-        return (
-            found
-            | {f"reference.l{number}": share for number, share in enumerate(shares)}
-            | {
-                f"reference.{name}": at_reference * column
-                for name, column in zip(linear_names(material), k.T, strict=True)
-                if name != "ka"
-            }
-        )
+    def law(
+        self, k: Float[np.ndarray, "C p"], u: Float[np.ndarray, "q"], dtype: np.dtype
+    ) -> AbstractAttenuation | None:
+        """The attenuation, where one was fitted."""
+        gauge = self.model.gauge
+        if gauge is None:
+            return None
+        constants = gauge.constants(u[len(self.model.searched) :], self._scale(k, u))
+        return gauge.kind(*(jnp.asarray(value, dtype) for value in constants))
 
-    def _scale(self, k: Numbers, law: AbstractAttenuation) -> Float[Array, ""]:
+    @property
+    def _attenuated(self) -> tuple[bool, ...]:
+        """Which linear coefficients an attenuation multiplies: all but k_a."""
+        return self.model.lit
+
+    def _scale(self, k: Numbers, u: Numbers) -> Numbers:
         """The common scale of the law's constants and k_d, k_s, where nothing tells it; else 1."""
-        assert self.model.gauge is not None
-        assert self.nearest is not None
-        if not self.model.gauge.floating:
-            return jnp.ones_like(self.nearest)
-        assert isinstance(law, ReferenceAttenuation)
-        attenuated = _attenuated(self.model.material, k)
-        bounded = attenuated & jnp.isfinite(self.upper) & (self.upper > 0)
-        shares = jnp.where(bounded, k / jnp.where(bounded, self.upper, 1), 0)
-        limited = len(law.l) == len(CONSTANTS[QuadraticAttenuation])  # no other law has a clamp
-        least = law(self.nearest) if limited else jnp.zeros_like(self.nearest)
-        return law.natural_scale(least, jnp.max(shares))
-
-
-def _attenuated(material: Material, k: Float[Array, "C p"]) -> Bool[Array, "C p"]:
-    """Which linear coefficients an attenuation multiplies: all but k_a."""
-    return jnp.broadcast_to(jnp.array([name != "ka" for name in linear_names(material)]), k.shape)
+        gauge = self.model.gauge
+        if not isinstance(gauge, PolynomialGauge) or not gauge.floating:
+            return np.ones(u.shape[:-1])
+        bounded = np.array(self._attenuated) & np.isfinite(self.upper) & (self.upper > 0)
+        shares = np.where(bounded, k / np.where(bounded, self.upper, 1), 0)
+        v = u[..., len(self.model.searched) :]
+        return gauge.natural_scale(v, self.nearest, shares.max(axis=(-1, -2), initial=0))
 
 
 def clamped_within(model: Model, u: Float[np.ndarray, "q"]) -> float:
@@ -93,11 +112,3 @@ def clamped_within(model: Model, u: Float[np.ndarray, "q"]) -> float:
     roots = np.roots([*reversed(rest), l0 - 1])  # 1/f is 1 at one t > 0, as no l is negative
     ahead = roots[(np.imag(roots) == 0) & (np.real(roots) > 0)].real
     return float(ahead[0]) * float(gauge.distance) if ahead.size else np.inf
-
-
-@jax.jit
-def recover(
-    recovery: Recovery, k: Float[Array, "C p"], u: Float[Array, "q"]
-) -> tuple[Material, AbstractAttenuation | None, dict[str, Numbers]]:
-    """The material, the attenuation, and every coefficient by name."""
-    return *recovery.material(k, u), recovery.coefficients(k, u)

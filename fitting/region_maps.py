@@ -50,9 +50,12 @@ class RegionWork:
     def _fit(self, pixels: Int[np.ndarray, "n"], none: bool) -> MapPlanes:
         gbuffer = _part(self.photographs[0].gbuffer, pixels)
         where = self.at[pixels]
-        channel_count = self.photographs[0].image.shape[2]
-        images = [p.image.reshape(-1, channel_count)[where][None] for p in self.photographs]
-        valid = [p.valid.ravel()[where][None] for p in self.photographs]
+        channel_count = self.photographs[0].channel_count
+        masks = [p.used(where) for p in self.photographs]
+        each = zip(self.photographs, masks, strict=True)
+        images = [p.observed(where, used).T[None] for p, used in each]
+        everything = np.ones((1, len(where)), bool)
+        valid = [everything if used is None else used[None] for used in masks]
         scenes = [p.scene for p in self.photographs]
         square = sum(
             (np.sum(image.astype(float) ** 2, axis=(0, 2)) for image in images), np.zeros(())

@@ -67,7 +67,7 @@ def evaluation(
     """The figures from |observed - predicted|^2 and |observed|^2 of each photograph."""
     rows = []
     for photograph, cost, square in zip(photographs, left.tolist(), squares.tolist(), strict=True):
-        used = int(photograph.unclipped.sum())
+        used = photograph.unclipped_count
         rows.append(ImageResidual(ratio(cost, square), used, photograph.gbuffer.pixel_count - used))
     excluded = sum(row.pixels_excluded for row in rows)
     foreground = sum(row.pixels_used for row in rows) + excluded
@@ -80,6 +80,7 @@ def measure(material: Material, photographs: Sequence[Photograph]) -> Evaluation
     """Render every photograph's scene with a material, and measure what differs."""
     left, squares = [], []
     for photograph in photographs:
+        photograph.check()
         used = photograph.unclipped
         predicted = render(photograph.gbuffer, photograph.scene, material)
         observed = np.asarray(photograph.image, np.float64)[used]

@@ -1,8 +1,8 @@
 """Levenberg-Marquardt under bounds, built of Optimistix's parts.
 
 Optimistix's own solvers know no bounds, damp by the unscaled identity, and enlarge their step only on
-an almost perfect prediction. Here the descent keeps every iterate inside its box by an active set,
-damps in proportion to the curvature (Marquardt), and the search grows and shrinks its step faster.
+an almost perfect prediction. Here the descent takes the best step inside the box, damped in proportion to
+the curvature (Marquardt), and the search grows and shrinks its step faster.
 """
 
 from collections.abc import Callable
@@ -12,18 +12,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Bool, Float, PyTree, Scalar
+from jaxtyping import Array, Float, PyTree, Scalar
 
-from fitting.linear import solve_positive
+from fitting.linear import damped_step
 
 __all__ = ["BoundedLevenbergMarquardt"]
 
 Vector = Float[Array, "q"]
 Tolerance = float | Float[Array, ""]
-
-
-_Move = tuple[Bool[Array, "q"], Vector, Vector]
-"""Which unknowns are held, how far they move, and how far all do."""
 
 
 class _DescentState(eqx.Module):
@@ -33,11 +29,9 @@ class _DescentState(eqx.Module):
 
 
 class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
-    """The step d that minimises |J d + r|^2 + |sqrt(D) d|^2 / step_size with y + d in the box.
+    """The step d that minimises |J d + r|^2 + |sqrt(D) d|^2 / step_size with y + d in the box, exactly.
 
-    D is the diagonal of J'J (Marquardt), so the damping has the units of each unknown. Unknowns at a
-    bound that the gradient pushes against are held; those that the step would carry out of the box
-    go to their bound, and the others are solved again.
+    D is the diagonal of J'J (Marquardt), so the damping has the units of each unknown.
     """
 
     lower: Vector
@@ -55,30 +49,12 @@ class BoundedDampedDescent(optx.AbstractDescent[Vector, Any, _DescentState]):
     def step(self, step_size: Scalar, state: _DescentState) -> tuple[Vector, optx.RESULTS]:
         y, hessian, gradient = state.y, state.hessian, state.gradient
         info = jnp.finfo(y.dtype)
-        curvature = jnp.diagonal(hessian)
-        curvature = jnp.maximum(curvature, 1e-6 * jnp.max(curvature) + float(info.tiny) ** 0.5)
         # Never so little that a singular matrix could not be factorised.
         least = 2 * y.size * float(info.eps)
         damping = jnp.maximum(1 / jnp.maximum(step_size, float(info.tiny) ** 0.5), least)
-        scale = 1 / jnp.sqrt(curvature)
-        damped = hessian * jnp.outer(scale, scale) + damping * jnp.eye(y.size, dtype=y.dtype)
-
-        held = ((y <= self.lower) & (gradient > 0)) | ((y >= self.upper) & (gradient < 0))
-
-        def hold_what_leaves(_: Array, state: _Move) -> _Move:
-            held, at, _move = state
-            free = (~held).astype(y.dtype)
-            matrix = damped * jnp.outer(free, free) + jnp.diag(1 - free)
-            right = -(gradient + hessian @ at) * scale * free
-            move = jnp.where(held, at, solve_positive(matrix, right) * scale)
-            beyond = ~held & ((y + move < self.lower) | (y + move > self.upper))
-            at = jnp.where(beyond, jnp.clip(y + move, self.lower, self.upper) - y, at)
-            return held | beyond, at, move
-
-        none = jnp.zeros_like(y)
-        held, at, move = jax.lax.fori_loop(0, y.size + 1, hold_what_leaves, (held, none, none))
-        inside = jnp.clip(y + jnp.where(held, at, move), self.lower, self.upper)
-        return inside - y, optx.RESULTS.successful  # type: ignore[return-value]
+        lower, upper = self.lower - y, self.upper - y
+        step = damped_step(hessian, -gradient, damping, lower, upper)
+        return step, optx.RESULTS.successful  # type: ignore[return-value]
 
 
 class _TrustRegion(optx.ClassicalTrustRegion):

@@ -19,23 +19,24 @@ from functools import cached_property
 from math import erfc, exp, pi, sqrt
 from typing import Any, Protocol, runtime_checkable
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from diffshade.arrays import ArrayLike
 from fitting.intervals import NORMAL, bounded_interval, quantile
 from fitting.null_space import Spectrum, spectrum
 from fitting.project import Gains
 
 __all__ = ["Uncertainty", "propagate"]
 
-Reported = Mapping[str, Float[Array, "..."]]
 ByName = dict[str, np.ndarray]
+Report = Callable[
+    [Float[np.ndarray, "*n C p"], Float[np.ndarray, "*n m"]], Mapping[str, np.ndarray]
+]
 Interval = tuple[np.ndarray, np.ndarray]
 
 INFINITE = np.array([[-np.inf], [np.inf]])
+STEP, LEAST = 2.0**-17, 1e-3
+"""By which an unknown is moved for a derivative: of it, or of this where it is less."""
 
 
 @runtime_checkable
@@ -95,35 +96,34 @@ class Uncertainty:
 
 def propagate(
     at: Minimum,
-    u: Float[ArrayLike, "q"],
+    y: Float[np.ndarray, "m"],
     known: Bool[np.ndarray, "n"],
     observations: int,
-    report: Callable[[Array, Array], Reported],
+    report: Report,
     *,
     bounds: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]] | None = None,
     noise: float | None = None,
     gains: Gains | None = None,
+    rounding: float | None = None,
 ) -> Uncertainty:
-    """From the information matrix at the minimum to the errors of `report(k, u)`.
+    """From the information matrix at the minimum to the errors of `report(k, y)`.
 
-    `known` marks, of k (channel after channel) and then of u, what is held or depends on others;
-    `bounds` are the lower and upper bounds of the same, infinite where there is none. `noise` is
-    the standard deviation of an observation, by default that of the residual, sqrt(cost / degrees
-    of freedom), whose own error the intervals allow for by Student's t. `gains`, where they are
-    unknown too, are eliminated.
+    `known` marks, of k (channel after channel) and then of y, what is held; `bounds` are the lower
+    and upper bounds of the same, infinite where there is none. `noise` is the standard deviation of
+    an observation, by default that of the residual, sqrt(cost / degrees of freedom), whose own error
+    the intervals allow for by Student's t. `gains`, where they are unknown too, are eliminated.
+    `rounding` is that of what was observed, by default that of k.
 
-    `report` gives named arrays, and is a pytree, so that it compiles once: a method of an Equinox
-    module, or a `jax.tree_util.Partial`. A name that ends in "shininess" has its interval on the
-    logarithm, on which its estimate is nearer to normal.
+    `report` gives named arrays, of many k and y at once where these have leading axes. A name that
+    ends in "shininess" has its interval on the logarithm, on which its estimate is nearer to normal.
     """
-    values, rows = _reported(report, at.k, u)
-    values = {name: np.asarray(value) for name, value in values.items()}
-    rows = np.asarray(rows, np.float64)
-    position = np.concatenate([np.ravel(at.k), np.ravel(u)]).astype(np.float64)
+    values, rows = _derivatives(report, at.k.astype(float), y.astype(float))
+    position = np.append(at.k.ravel(), y).astype(float)
     information, gradient = _assemble(np.asarray(at.information, np.float64), at.k.shape[1])
     if gains is not None:
         information = information - _told_by_gains(gains, at.k.shape[1])
-    found = spectrum(information, ~known, float(np.finfo(at.k.dtype).eps))
+    eps = float(np.finfo(at.k.dtype).eps) if rounding is None else rounding
+    found = spectrum(information, ~known, eps)
 
     lower, upper = (np.full_like(position, edge) for edge in (-np.inf, np.inf))
     if bounds is not None:
@@ -138,7 +138,7 @@ def propagate(
 
     unit_root = rows @ found.root
     blind = _is_blind(rows, found)
-    estimate = np.concatenate([np.ravel(value) for value in values.values()]).astype(np.float64)
+    estimate = np.concatenate([np.ravel(value) for value in values.values()])
     reported = rows @ bounded @ rows.T * sigma**2
     error = np.sqrt(np.maximum(np.diagonal(reported), 0))
 
@@ -183,19 +183,20 @@ def propagate(
     )
 
 
-@jax.jit
-def _reported(
-    report: Callable[[Array, Array], Reported], k: Float[Array, "C p"], u: Float[Array, "q"]
-) -> tuple[dict[str, Array], Float[Array, "m n"]]:
-    """What is reported, and its Jacobian, a row a number, in the order of the sorted names."""
-
-    def numbers(unknowns: Array) -> tuple[Array, dict[str, Array]]:
-        values = report(unknowns[: k.size].reshape(k.shape), unknowns[k.size :])
-        values = {name: values[name] for name in sorted(values)}
-        return jnp.concatenate([jnp.ravel(value) for value in values.values()]), values
-
-    rows, values = jax.jacfwd(numbers, has_aux=True)(jnp.concatenate([k.ravel(), u]))
-    return values, rows
+def _derivatives(
+    report: Report, k: Float[np.ndarray, "C p"], y: Float[np.ndarray, "m"]
+) -> tuple[ByName, Float[np.ndarray, "r n"]]:
+    """What is reported, by name in order, and how all numbers move with k and y: central differences."""
+    at = np.append(k.ravel(), y)
+    # Powers of two, so that a number that is an unknown itself moves by exactly as much
+    step = STEP * 2.0 ** np.ceil(np.log2(np.maximum(np.abs(at), LEAST)))
+    points = at + np.concatenate([np.zeros((1, at.size)), np.diag(step), -np.diag(step)])
+    found = report(points[:, : k.size].reshape(-1, *k.shape), points[:, k.size :])
+    found = {name: found[name] for name in sorted(found)}
+    values = {name: np.asarray(value[0]) for name, value in found.items()}
+    rows = np.concatenate([x.reshape(len(points), -1) for x in found.values()], axis=1)[1:]
+    ahead, behind = np.split(rows, 2)
+    return values, ((ahead - behind) / (2 * step[:, None])).T
 
 
 def _assemble(

@@ -6,9 +6,10 @@ search refines under a judge's weights, then judges anew from where it arrived, 
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from diffshade.errors import BadInput
+from fitting.arrays import Array
 
 __all__ = ["Judge", "SensorNoise", "Tukey", "Weighting"]
 

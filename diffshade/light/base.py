@@ -1,4 +1,4 @@
-"""What every light is: an intensity, and what of it arrives at a point."""
+"""What every light is: an intensity, from where it arrives at a point, and how much of it does."""
 
 from abc import abstractmethod
 from typing import NamedTuple
@@ -14,10 +14,13 @@ Plane = Float[Array, "..."]
 
 
 class Incidence(NamedTuple):
-    """Light arriving at points: the unit vector l towards the source, and the factor on its intensity."""
+    """From where light arrives: the unit vector l towards the source, and the distance to it.
+
+    `distance` is None where the light's intensity does not depend on it.
+    """
 
     l: Vec3
-    attenuation: Plane | None
+    distance: Plane | None
 
 
 class AbstractLight(eqx.Module):
@@ -27,4 +30,8 @@ class AbstractLight(eqx.Module):
 
     @abstractmethod
     def incidence(self, position: Vec3 | None) -> Incidence:
-        """What arrives at the points `position` (None where a G-buffer has normals only)."""
+        """From where light arrives at the points `position` (None of a G-buffer with normals only)."""
+
+    @abstractmethod
+    def falloff(self, distance: Plane | None) -> Plane | None:
+        """The factor f on the intensity at the distance of `incidence`; None where it is 1."""

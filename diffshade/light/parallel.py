@@ -29,3 +29,6 @@ class ParallelLight(AbstractLight):
 
     def incidence(self, position: Vec3 | None) -> Incidence:
         return Incidence(unit(Vec3.from_array(self.direction)), None)
+
+    def falloff(self, distance: Float[Array, "..."] | None) -> None:
+        return None

@@ -12,6 +12,8 @@ from diffshade.vector import Vec3, dot
 
 __all__ = ["PointLight"]
 
+Plane = Float[Array, "..."]
+
 
 class PointLight(AbstractLight):
     """A light at a position: s = position - P, d = |s|, l = s / d (LIGHT-3a to 3c).
@@ -42,6 +44,7 @@ class PointLight(AbstractLight):
         d_squared = dot(s, s)
         inverse_d = guard.reciprocal_sqrt(d_squared)
         l = s * inverse_d
-        if self.attenuation is None:
-            return Incidence(l, None)
-        return Incidence(l, self.attenuation(d_squared * inverse_d))
+        return Incidence(l, None if self.attenuation is None else d_squared * inverse_d)
+
+    def falloff(self, distance: Plane | None) -> Plane | None:
+        return None if distance is None or self.attenuation is None else self.attenuation(distance)

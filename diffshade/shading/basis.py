@@ -16,13 +16,12 @@ from jaxtyping import Array, Float
 from diffshade.channels import Channels, channels, plus, times
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
-from diffshade.reflectance.lambert import lambert
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from diffshade.shading.lights import sum_over_lights
-from diffshade.vector import dot
+from diffshade.shading.lights import LightSums, sum_over_lights
+from diffshade.shading.one_light import angles, reflected
 
-__all__ = ["Basis", "basis", "contract"]
+__all__ = ["Basis", "basis", "contract", "of_light_sums"]
 
 
 class Basis(eqx.Module):
@@ -45,11 +44,19 @@ def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
     What is absent is not computed: no ambient without I_a and k_a, no n.l or l without lights, no
     view without a lobe, no distance without attenuation.
     """
-    ambient = None if material.ka is None or scene.ambient is None else channels(scene.ambient)
     lit = bool(scene.lights) and (material.kd is not None or bool(material.specular))
-    diffuse, specular = _light_sums(gbuffer, scene.lights, material) if lit else (None, ())
+    sums = _light_sums(gbuffer, scene.lights, material) if lit else (None, ())
+    return of_light_sums(sums, scene.ambient, material)
+
+
+def of_light_sums(
+    sums: LightSums, ambient: Float[Array, "..."] | None, material: Material
+) -> Basis:
+    """The basis from the sums over the lights, the ambient light and the object colours."""
+    diffuse, specular = sums
+    absent = material.ka is None or ambient is None
     return Basis(
-        ambient=_coloured(ambient, material.od),
+        ambient=_coloured(None if absent else channels(ambient), material.od),
         diffuse=_coloured(diffuse, material.od),
         specular=tuple(_coloured(shape, material.os) for shape in specular),
     )
@@ -84,21 +91,9 @@ def _coloured(shape: T, colour: Float[Array, "..."] | None) -> T:
 
 def _light_sums(
     gbuffer: GBuffer, lights: tuple[AbstractLight, ...], material: Material
-) -> tuple[Channels | None, tuple[Channels, ...]]:
-    n = gbuffer.normal
-    v = gbuffer.viewer.direction(gbuffer.position) if material.specular else None
-
-    def term(light: AbstractLight) -> tuple[Channels | None, tuple[Channels, ...]]:
-        l, f = light.incidence(gbuffer.position)
-        n_dot_l = dot(n, l)
-        intensity = channels(light.intensity)
-        arriving = intensity if f is None else times(intensity, (f,))
-        diffuse = None if material.kd is None else times(arriving, (lambert(n_dot_l),))
-        if v is None:
-            return diffuse, ()
-        return diffuse, tuple(
-            times(arriving, lobe.shape(n, l, v, n_dot_l)) for lobe in material.specular
-        )
+) -> LightSums:
+    def term(light: AbstractLight) -> LightSums:
+        return reflected(angles(gbuffer, light, material.specular), light, material)
 
     sums = sum_over_lights(term, lights)
     return sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)

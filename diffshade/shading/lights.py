@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from diffshade.channels import Channels, plus
 from diffshade.light.base import AbstractLight
 
-__all__ = ["LightSums", "sum_over_lights"]
+__all__ = ["LightSums", "add", "sum_over_lights"]
 
 LightSums: TypeAlias = tuple[Channels | None, tuple[Channels, ...]]
 """The diffuse sum, and one a lobe."""
@@ -30,9 +30,9 @@ def sum_over_lights(
     for group in _by_kind(lights):
         chunked = len(group) // CHUNK * CHUNK if len(group) >= 2 * CHUNK else 0
         if chunked:
-            total = _add(total, _scan(term, group[:chunked]))
+            total = add(total, _scan(term, group[:chunked]))
         for light in group[chunked:]:
-            total = _add(total, term(light))
+            total = add(total, term(light))
     assert total is not None
     return total
 
@@ -53,14 +53,14 @@ def _scan(term: Callable[[AbstractLight], LightSums], lights: list[AbstractLight
 
     def add_chunk(total: LightSums, chunk: AbstractLight) -> tuple[LightSums, None]:
         for k in range(CHUNK):
-            total = _add(total, term(jax.tree.map(lambda leaf: leaf[k], chunk)))  # noqa: B023
+            total = add(total, term(jax.tree.map(lambda leaf: leaf[k], chunk)))  # noqa: B023
         return total, None
 
     start = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(term, lights[0]))
     return jax.lax.scan(add_chunk, start, chunks)[0]
 
 
-def _add(total: LightSums | None, term: LightSums) -> LightSums:
+def add(total: LightSums | None, term: LightSums) -> LightSums:
     if total is None:
         return term
     diffuse = None if total[0] is None or term[0] is None else plus(total[0], term[0])

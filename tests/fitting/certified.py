@@ -2,33 +2,30 @@
 
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import lsq_linear
 from truths import draw
 
 import diffshade as ds
-from fitting.inputs import match, views
-from fitting.limits import Bounds, Grid, limits
+from fitting.attempt import attempted
+from fitting.inputs import match
+from fitting.limits import Bounds, Limits, limits
 from fitting.model import Model, default_material, shininess_names
-from fitting.observation import group_views, in_precision
-from fitting.project import Problem
-from fitting.search import ALL, Found, search
+from fitting.observed import Observed
+from fitting.polish import Minimum
 
 GBUFFER = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(32, 32, 2.2))
 
 
 @dataclass(frozen=True)
 class Case:
-    """A problem over `GBUFFER`, its image and scene, the minimum that was found, u's grid and box."""
+    """An image of `GBUFFER` and its scene, the minimum that was found, and the limits of u."""
 
     image: np.ndarray
     scene: ds.Scene
-    problem: Problem
-    found: Found
-    grid: Grid
-    box: tuple[jax.Array, jax.Array]
+    observed: Observed
+    limit: Limits
+    minimum: Minimum
 
     @staticmethod
     def of(
@@ -41,19 +38,11 @@ class Case:
         """The fit of an image, all of `start` unknown but for what `hold` names in full."""
         names = shininess_names(start)
         searched = tuple(j for j, name in enumerate(names) if name not in hold)
-        seen = views(match(image, GBUFFER, scene, None))
-        dtype = seen[0].gbuffer.normal.x.dtype
+        observed = Observed(match(image, GBUFFER, scene, None))
         model = Model(material=start, searched=searched, channel_count=image.shape[2])
         limit = limits(model, hold, start, bounds or {}, start_given=True)
-        groups, _ = group_views(seen)
-        norm = np.linalg.norm(image[GBUFFER.mask])
-        numbers = (model, limit.lower, limit.upper, np.zeros(limit.lower.shape), norm)
-        model, lower, upper, reference, norm = jax.tree.map(
-            jnp.asarray, in_precision(numbers, dtype)
-        )
-        problem = Problem(model, groups, lower, upper, reference, norm, jnp.int32(ALL))
-        grid, box = limit.searched(dtype)
-        return Case(image, scene, problem, search(problem, grid, box, None), grid, box)
+        found = attempted(observed, model, limit, None, gains=False, solver=None)
+        return Case(image, scene, observed, limit, found.minimum)
 
 
 def case(rng: np.random.Generator, *, light_count: int, noise: float) -> Case:
@@ -67,7 +56,8 @@ def case(rng: np.random.Generator, *, light_count: int, noise: float) -> Case:
 
 def dense_residual(case: Case, shininess: float) -> float:
     """The relative residual at a shininess, of the best linear coefficients within their bounds."""
-    fitted = case.problem.model.material
+    problem = case.minimum.problem
+    fitted = problem.model.material
     columns = [
         *([ds.Material(ka=1.0)] if fitted.ka is not None else []),
         *([ds.Material(kd=1.0)] if fitted.kd is not None else []),
@@ -78,7 +68,7 @@ def dense_residual(case: Case, shininess: float) -> float:
     square = 0.0
     for c in range(observed.shape[1]):
         matrix = np.stack([plane[:, min(c, plane.shape[1] - 1)] for plane in planes], axis=1)
-        edges = np.asarray(case.problem.lower[c]), np.asarray(case.problem.upper[c])
+        edges = problem.lower[c], problem.upper[c]
         solved = lsq_linear(matrix, observed[:, c], edges, method="bvls", tol=1e-14)
         square += 2 * solved.cost
     return float(np.sqrt(square) / np.linalg.norm(observed))

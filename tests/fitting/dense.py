@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from fitting.degeneracies import Seen, highlight_depths
@@ -158,24 +156,24 @@ class Plain:
         information = np.einsum("cip,cjp->cij", columns, columns)
         return Minimum(self.k.astype(dtype), (residual**2).sum(), information)
 
-    def report(self) -> Callable[..., dict[str, jax.Array]]:
+    def report(self) -> Callable[..., dict[str, np.ndarray]]:
         names = [name for name, _ in self._searched()]
 
-        def report(k: jax.Array, u: jax.Array) -> dict[str, jax.Array]:
-            found = {} if self.ka is None else {"ka": k[:, 0]}
-            found["kd"] = k[:, self.plain - 1]
+        def report(k: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+            found = {} if self.ka is None else {"ka": k[..., 0]}
+            found["kd"] = k[..., self.plain - 1]
             for j in range(len(self.ks)):
-                found[f"specular.{j}.ks"] = k[:, self.plain + j]
-            for name, value in zip(names, u, strict=True):
+                found[f"specular.{j}.ks"] = k[..., self.plain + j]
+            for name, value in zip(names, np.moveaxis(u, -1, 0), strict=True):
                 if name[0] == "n":
-                    found[f"specular.{name[1:]}.shininess"] = jnp.exp(value)
+                    found[f"specular.{name[1:]}.shininess"] = np.exp(value)
                 elif name[0] == "c":
                     found[f"attenuation.{name}"] = value
                 else:
                     found[name.replace("gain", "gain.")] = value
             return found
 
-        return jax.tree_util.Partial(report)
+        return report
 
     def uncertainty(self, dtype: type = np.float64, **options: object) -> Uncertainty:
         minimum = self.minimum(dtype)

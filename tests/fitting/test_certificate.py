@@ -5,18 +5,18 @@ from dataclasses import replace
 from typing import ClassVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from certified import GBUFFER, Case, case, dense_residual
 
 import diffshade as ds
 from diffshade.errors import BadInput
+from fitting.attempt import attempted
 from fitting.certificate import Certificate, certify
 from fitting.gauge import PolynomialGauge
 from fitting.lower_bound import bound
-from fitting.search import search
-from fitting.weights import Judge, Tukey, Weighting
+from fitting.observed import Observed
+from fitting.weights import Tukey, Weighting
 
 SLACK = 1e-9 if jax.config.jax_enable_x64 else 3e-6
 """What the oracle itself may be off by: its columns come from the renderer, in its precision."""
@@ -24,20 +24,19 @@ LOBE = ds.Material(ka=0.5, kd=0.5, specular=ds.Phong(ks=0.5, shininess=30.0))
 
 
 def certified(drawn: Case, **options: float) -> Certificate:
-    return certify(drawn.problem, drawn.found, drawn.box, **options)
+    return certify(drawn.observed, drawn.minimum, drawn.limit.box, **options)
 
 
 def bounded(drawn: Case, intervals: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The bounds `below` and `above`, relative; and the norm of what was observed."""
-    with jax.enable_x64(True):
-        found = bound(drawn.problem, np.zeros(1), intervals, np.asarray(np.inf))
-        norm = float(found.norm)
-        return np.asarray(found.below) / norm, np.asarray(found.above) / norm, norm
+    found = bound(drawn.observed, drawn.minimum, intervals, np.inf)
+    norm = float(found.norm)
+    return found.below / norm, found.above / norm, norm
 
 
 def holds(certificate: Certificate, drawn: Case, nodes: int = 60) -> None:
     """What it says is so, as far as dense least squares at many shininess values can tell."""
-    found = dense_residual(drawn, np.exp(float(drawn.found.u[0])))
+    found = dense_residual(drawn, np.exp(float(drawn.minimum.u[0])))
     assert certificate.interval is not None
     low, high = certificate.interval
     for n in np.geomspace(0.1, 1e5, nodes):
@@ -57,7 +56,7 @@ def test_a_random_truth_is_proven(rng: np.random.Generator, light_count: int, no
     np.testing.assert_allclose(certificate.shininess, (0.1, 1e5), rtol=1e-6)
     holds(certificate, drawn)
     # and the interval is about as short as it can be
-    best = np.exp(float(drawn.found.u[0]))
+    best = np.exp(float(drawn.minimum.u[0]))
     assert certificate.interval is not None
     low, high = certificate.interval
     assert low < best < high
@@ -86,7 +85,7 @@ def test_the_bound_is_of_second_order(rng: np.random.Generator) -> None:
     image = np.asarray(ds.render(GBUFFER, scene, ds.Material(0.1, 0.6, ds.Phong(0.4, 40.0))))
     noise = rng.normal(0, 0.02, image.shape) * GBUFFER.mask[..., None]
     drawn = Case.of(image + noise.astype(image.dtype), scene, LOBE)
-    n = np.exp(float(drawn.found.u[0]))
+    n = np.exp(float(drawn.minimum.u[0]))
     exact = dense_residual(drawn, n)
     widths = np.append(0.2 / 2.0 ** np.arange(15), 0.0)
     below, above, _ = bounded(drawn, n * np.exp(np.outer(widths, [-0.5, 0.5])))
@@ -106,17 +105,17 @@ def two_basins(box: tuple[float, float]) -> Case:
 
 def test_the_wrong_basin_is_never_proven() -> None:
     wrong = two_basins((0.1, 20))
-    np.testing.assert_allclose(np.exp(wrong.found.u[0]), 4, rtol=0.05)
+    np.testing.assert_allclose(np.exp(wrong.minimum.u[0]), 4, rtol=0.05)
     assert certified(wrong).proven  # within its box it is the best
     right = two_basins((0.1, 1e5))
-    np.testing.assert_allclose(np.exp(right.found.u[0]), 193, rtol=0.05)
+    np.testing.assert_allclose(np.exp(right.minimum.u[0]), 193, rtol=0.05)
     assert certified(right).proven
-    certificate = certify(wrong.problem, wrong.found, right.box)
+    certificate = certify(wrong.observed, wrong.minimum, right.limit.box)
     assert not certificate.proven
     assert certificate.reason.startswith("Shininess ")
     # and what it names as better is better
     named = float(certificate.reason.split()[1])
-    best = float(wrong.found.at.cost) ** 0.5 / float(wrong.problem.norm)
+    best = (wrong.minimum.cost / wrong.minimum.square) ** 0.5
     assert dense_residual(right, named) < best - certificate.tolerance
     assert certificate.interval is not None
     low, high = certificate.interval
@@ -126,8 +125,8 @@ def test_the_wrong_basin_is_never_proven() -> None:
 @pytest.mark.slow
 def test_what_is_no_minimum_is_not_proven(rng: np.random.Generator) -> None:
     drawn = case(rng, light_count=3, noise=1e-3)
-    beside = replace(drawn.found, u=drawn.found.u + jnp.asarray(0.5, drawn.found.u.dtype))
-    certificate = certify(drawn.problem, beside, drawn.box)
+    beside = replace(drawn.minimum, u=drawn.minimum.u + 0.5)
+    certificate = certify(drawn.observed, beside, drawn.limit.box)
     assert not certificate.proven
     assert certificate.reason.startswith("Shininess ")
 
@@ -175,19 +174,17 @@ def test_weights_are_those_of_the_solution(rng: np.random.Generator) -> None:
     noise = rng.normal(0, 1e-3, image.shape) * GBUFFER.mask[..., None]
     image = image + (noise + dirty[..., None]).astype(dtype)
     drawn = Case.of(image, scene, LOBE)
-    one = jnp.ones((), dtype)
-    start = Judge(
-        Weighting(robust=Tukey()), drawn.box[0], jnp.zeros_like(drawn.problem.lower), one, 0 * one
-    )
-    problem = replace(drawn.problem, judge=start)
-    found = search(problem, drawn.grid, drawn.box, None)
-    np.testing.assert_allclose(np.exp(found.u[0]), 40, rtol=0.03)
-    certificate = certify(problem, found, drawn.box)
+    weighting = Weighting(robust=Tukey())
+    model = drawn.minimum.problem.model
+    found = attempted(drawn.observed, model, drawn.limit, weighting, gains=False, solver=None)
+    minimum = found.minimum
+    np.testing.assert_allclose(np.exp(minimum.u[0]), 40, rtol=0.03)
+    certificate = certify(drawn.observed, minimum, drawn.limit.box)
     assert certificate.proven, certificate.reason
     assert "at the weights of the solution" in certificate.reason
     assert certificate.interval is not None
-    assert certificate.interval[0] < np.exp(found.u[0]) < certificate.interval[1] < 60
-    plain = float(drawn.found.at.cost) ** 0.5 / float(drawn.problem.norm)
+    assert certificate.interval[0] < np.exp(minimum.u[0]) < certificate.interval[1] < 60
+    plain = (drawn.minimum.cost / drawn.minimum.square) ** 0.5
     assert float(re.search(r"residual ([0-9.e-]+) that", certificate.reason)[1]) < plain / 10
 
 
@@ -208,30 +205,34 @@ class Hump(ds.Phong):
 
 def test_what_a_proof_does_not_reach_is_said(rng: np.random.Generator) -> None:
     drawn = case(rng, light_count=1, noise=1e-3)
-    problem, model = drawn.problem, drawn.problem.model
-    dtype = problem.lower.dtype
+    minimum, problem, model = drawn.minimum, drawn.minimum.problem, drawn.minimum.problem.model
     lobe = model.material.specular[0]
     two = replace(model, material=replace(model.material, specular=(lobe, lobe)), searched=(0, 1))
     hump = replace(model, material=replace(model.material, specular=Hump(lobe.ks, lobe.shininess)))
-    law = PolynomialGauge(jnp.ones((), dtype), held=(None, None, None))
-    scenes = problem.groups[0].scenes
-    dark = replace(problem.groups[0], scenes=replace(scenes, ambient=-scenes.ambient))
-    for changed, reason in (
-        ({"model": two}, "The shininess of 2 lobes is searched"),
-        ({"model": hump}, "A hump lobe does not fall convexly"),
-        ({"model": replace(model, gauge=law)}, "The attenuation is searched"),
-        ({"gains": jnp.ones(1, dtype)}, "The gains of the lights are searched"),
-        ({"lower": problem.lower - 1}, "may be negative"),
-        ({"groups": (dark,)}, "A light or an object colour is negative"),
+    law = replace(model, gauge=PolynomialGauge(np.ones(()), held=(None, None, None)))
+
+    def certified_as(**changed: object) -> Certificate:
+        other = replace(minimum, problem=replace(problem, **changed))
+        return certify(drawn.observed, other, drawn.limit.box)
+
+    lights = drawn.observed.photographs[0]
+    dark = Observed([lights._replace(scene=replace(lights.scene, ambient=-lights.scene.ambient))])
+    gained = replace(minimum, gains=np.ones(1))
+    for certificate, reason in (
+        (certified_as(model=two), "The shininess of 2 lobes is searched"),
+        (certified_as(model=hump), "A hump lobe does not fall convexly"),
+        (certified_as(model=law), "The attenuation is searched"),
+        (certify(drawn.observed, gained, drawn.limit.box), "The gains of the lights are searched"),
+        (certified_as(lower=problem.lower - 1), "may be negative"),
+        (certify(dark, minimum, drawn.limit.box), "A light or an object colour is negative"),
     ):
-        certificate = certify(replace(problem, **changed), drawn.found, drawn.box)
         assert not certificate.proven
         assert reason in certificate.reason
         assert certificate.interval is None
     with pytest.raises(BadInput, match="tolerance is 0"):
         certified(drawn, tolerance=0.0)
-    nowhere = replace(drawn.found, u=drawn.found.u * jnp.nan)
-    assert "No minimum was found" in certify(problem, nowhere, drawn.box).reason
+    nowhere = replace(minimum, u=minimum.u * np.nan)
+    assert "No minimum was found" in certify(drawn.observed, nowhere, drawn.limit.box).reason
 
 
 @pytest.mark.slow

@@ -183,8 +183,8 @@ def test_several_images_and_their_masks(rng: np.random.Generator) -> None:
 @pytest.mark.slow
 def test_one_program_serves_all_images(monkeypatch: pytest.MonkeyPatch) -> None:
     traced = []
-    search = implicit.minimise
-    monkeypatch.setattr(implicit, "minimise", lambda *args: traced.append(1) or search(*args))
+    search = implicit.search
+    monkeypatch.setattr(implicit, "search", lambda *args: traced.append(1) or search(*args))
     half = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(13, 13, 2.2))  # of no other test
     for k in (1.0, 0.8, 0.6):
         scene = scene_at(k * jnp.asarray(POSITION))

@@ -10,8 +10,7 @@ from fitting.profile import profile
 
 def test_it_is_the_residual_of_dense_least_squares(rng: np.random.Generator) -> None:
     drawn = case(rng, light_count=3, noise=1e-3)
-    found = drawn.found
-    curve = profile(drawn.problem, found, drawn.box)
+    curve = profile(drawn.observed, drawn.minimum, drawn.limit.box)
     assert curve.lobe == 0
     exact = [dense_residual(drawn, n) for n in curve.shininess]
     # float32 sums are good to 1e-6 of |y|^2 far from the minimum.
@@ -21,11 +20,11 @@ def test_it_is_the_residual_of_dense_least_squares(rng: np.random.Generator) -> 
 
 def test_the_minimum_is_a_node_and_the_lowest(rng: np.random.Generator) -> None:
     drawn = case(rng, light_count=1, noise=1e-3)
-    curve = profile(drawn.problem, drawn.found, drawn.box)
-    low, high = (np.exp(float(edge[0])) for edge in drawn.box)
+    curve = profile(drawn.observed, drawn.minimum, drawn.limit.box)
+    low, high = (np.exp(float(edge[0])) for edge in drawn.limit.box)
     np.testing.assert_allclose(curve.shininess[[0, -1]], (low, high), rtol=1e-5)
     assert (np.diff(curve.shininess) > 0).all()
-    best = np.exp(float(drawn.found.u[0]))
+    best = np.exp(float(drawn.minimum.u[0]))
     at = np.argmin(curve.relative_residual)
     # rounding may prefer a neighbour in float32
     np.testing.assert_allclose(
@@ -41,7 +40,7 @@ def test_each_of_two_lobes_has_its_own(rng: np.random.Generator) -> None:
     start = ds.Material(ka=0.5, kd=0.5, specular=lobes)
     drawn = Case.of(np.asarray(image), scene, start)
     for which, n in enumerate((120, 8)):
-        curve = profile(drawn.problem, drawn.found, drawn.box, which=which)
+        curve = profile(drawn.observed, drawn.minimum, drawn.limit.box, which=which)
         assert curve.lobe == which
         at = np.argmin(curve.relative_residual)
         np.testing.assert_allclose(curve.shininess[at], n, rtol=1e-2)

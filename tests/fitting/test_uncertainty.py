@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax
 import numpy as np
 import pytest
 from dense import Minimum, Plain
@@ -14,7 +13,7 @@ import diffshade as ds
 import fitting
 from fitting.intervals import bounded_interval, quantile
 from fitting.null_space import sparse_basis
-from fitting.uncertainty import Uncertainty, _mean_square, _reported, propagate
+from fitting.uncertainty import Uncertainty, _mean_square, propagate
 
 LIGHTS = ((0.8, 0.5, 2.5), (-1.0, 0.8, 2.0))
 RGB = Plain(
@@ -220,19 +219,6 @@ def test_coverage_of_whole_fits() -> None:
         )
     coverage = np.mean(hits, axis=0)
     assert np.all((coverage > 0.95 - 0.038) & (coverage < 0.95 + 0.038)), coverage
-
-
-def test_another_capture_compiles_nothing() -> None:
-    dtype = np.float64 if jax.config.jax_enable_x64 else np.float32
-    report = RGB.report()
-    for scale in (1.0, 2.0, 3.0):
-        minimum = RGB.minimum(dtype)
-        minimum = minimum._replace(k=minimum.k * dtype(scale))
-        propagate(minimum, RGB.u.astype(dtype), RGB.known, 3000, report)
-        size = _reported._cache_size()  # type: ignore[attr-defined]
-        if scale == 1.0:
-            first = size
-    assert size == first
 
 
 def test_a_sparse_basis_spans_what_it_was_given(rng: np.random.Generator) -> None:

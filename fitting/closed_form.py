@@ -1,38 +1,41 @@
-"""Least squares with two or three unknowns at each of many pixels, in closed form over planes.
+"""Least squares with a handful of unknowns, for many problems at once, in closed form over planes.
 
-A matrix is a list of rows of planes, one number a pixel; a vector a list of planes. All is written out,
-as there are a handful of unknowns: a library call for each pixel's matrix would cost a hundred times
-as much.
+A matrix is a list of rows of planes, one number a problem; a vector a list of planes. All is written
+out: a library call for each small matrix would cost a hundred times as much. The planes are JAX's or
+NumPy's.
 """
 
 import operator
 from collections.abc import Sequence
 from functools import reduce
 
-import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Bool, Float
 
-__all__ = ["bounded", "own_share", "rounding", "solve"]
+from fitting.arrays import Array
+
+__all__ = ["Matrix", "Plane", "Vector", "bounded", "objective", "own_share", "rounding", "solve"]
 
 Plane = Float[Array, "..."]
 Mask = Bool[Array, "..."]
 Vector = list[Plane]
 Matrix = list[Vector]
-Interval = tuple[float, float]
+Interval = tuple[float | Plane, float | Plane]
 
 
-def solve(matrix: Matrix, right: Vector, free: Sequence[Mask | bool] | None = None) -> Vector:
+def solve(matrix: Matrix, right: Vector, free: Sequence[Mask] | None = None) -> Vector:
     """x with Mx = b for a positive semidefinite M, over the unknowns that are `free`; the others are 0.
 
     Gauss's elimination. An unknown whose column depends on those before it within rounding gets 0.
     """
-    size = len(right)
+    xp, size = right[0].__array_namespace__(), len(right)
     m, b = [list(row) for row in matrix], list(right)
-    free = [True] * size if free is None else list(free)
     inverse = []
     for j in range(size):
-        independent = (m[j][j] > rounding(matrix[j][j])) & free[j]
-        inverse.append(jnp.where(independent, 1 / jnp.where(independent, m[j][j], 1), 0))
+        independent = m[j][j] > rounding(matrix[j][j])
+        if free is not None:
+            independent = independent & free[j]
+        inverse.append(xp.where(independent, 1 / xp.where(independent, m[j][j], 1), 0))
         for i in range(j + 1, size):
             share = m[i][j] * inverse[j]
             for k in range(j + 1, size):
@@ -40,11 +43,10 @@ def solve(matrix: Matrix, right: Vector, free: Sequence[Mask | bool] | None = No
             b[i] = b[i] - share * b[j]
     x: Vector = []
     for j in reversed(range(size)):
-        known = sum(
-            (m[j][k] * x_k for k, x_k in zip(range(j + 1, size), x, strict=True)),
-            jnp.zeros_like(b[j]),
-        )
-        x.insert(0, (b[j] - known) * inverse[j])
+        left = b[j]
+        for k, x_k in zip(range(j + 1, size), x, strict=True):
+            left = left - m[j][k] * x_k
+        x.insert(0, left * inverse[j])
     return x
 
 
@@ -55,12 +57,13 @@ def own_share(matrix: Matrix, index: int) -> Plane:
     variance of that unknown for noise 1 (Cramer and Rao).
     """
     others = [i for i in range(len(matrix)) if i != index]
+    own = matrix[index][index]
     if not others:
-        return matrix[index][index]
+        return own
     across = [matrix[i][index] for i in others]
     explained = solve([[matrix[i][j] for j in others] for i in others], across)
-    left = matrix[index][index] - sum(a * x for a, x in zip(across, explained, strict=True))
-    return jnp.where(left > rounding(matrix[index][index]), left, 0)
+    left = own - sum(a * x for a, x in zip(across, explained, strict=True))
+    return left.__array_namespace__().where(left > rounding(own), left, 0)
 
 
 def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple[Vector, Plane]:
@@ -70,12 +73,17 @@ def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple
     lies on that bound: for on the way from the minimum to the free solution, which is downhill, a
     bound is met at once. Each of these is tried, a problem of one unknown fewer.
     """
+    xp = moment[0].__array_namespace__()
     best = solve(matrix, moment)
-    beyond = [(x < low) | (x > high) for x, (low, high) in zip(best, bounds, strict=True)]
-    within = [jnp.clip(x, low, high) for x, (low, high) in zip(best, bounds, strict=True)]
+    within = [
+        xp.minimum(xp.maximum(x, low), high) for x, (low, high) in zip(best, bounds, strict=True)
+    ]
     if len(moment) == 1:
-        return within, _objective(matrix, moment, within)
-    least = jnp.where(reduce(operator.or_, beyond), jnp.inf, _objective(matrix, moment, best))
+        return within, objective(matrix, moment, within)
+    beyond = [x != y for x, y in zip(best, within, strict=True)]
+    if isinstance(best[0], np.ndarray) and not np.any(beyond):
+        return best, objective(matrix, moment, best)
+    least = xp.where(reduce(operator.or_, beyond), xp.inf, objective(matrix, moment, best))
     for i, (edge, tried) in enumerate(zip(within, beyond, strict=True)):
         others = [j for j in range(len(moment)) if j != i]
         inner = [[matrix[a][b] for b in others] for a in others]
@@ -83,23 +91,25 @@ def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple
         k, value = bounded(inner, right, [bounds[j] for j in others])
         value = value + edge * (0.5 * matrix[i][i] * edge - moment[i])
         better = tried & (value < least)
-        least = jnp.where(better, value, least)
+        least = xp.where(better, value, least)
         k.insert(i, edge)
-        best = [jnp.where(better, new, old) for new, old in zip(k, best, strict=True)]
+        best = [xp.where(better, new, old) for new, old in zip(k, best, strict=True)]
     return best, least
 
 
-def _objective(matrix: Matrix, moment: Vector, k: Vector) -> Plane:
+def objective(matrix: Matrix, moment: Vector, k: Vector) -> Plane:
     """k'Mk/2 - m'k"""
-    value = jnp.zeros_like(k[0])
+    terms = []
     for i, k_i in enumerate(k):
-        value = value + k_i * (0.5 * matrix[i][i] * k_i - moment[i])
+        slope = 0.5 * matrix[i][i] * k_i - moment[i]
         for j in range(i):
-            value = value + k_i * k[j] * matrix[i][j]
-    return value
+            slope = slope + k[j] * matrix[i][j]
+        terms.append(k_i * slope)
+    return reduce(operator.add, terms)
 
 
 def rounding(square: Plane) -> Plane:
     """What of a column's square may be rounding, or underflow."""
-    info = jnp.finfo(square.dtype)
-    return jnp.maximum(30 * float(info.eps) * square, float(info.tiny / info.eps))
+    info = np.finfo(square.dtype)
+    xp = square.__array_namespace__()
+    return xp.maximum(30 * float(info.eps) * square, float(info.tiny / info.eps))

@@ -1,0 +1,89 @@
+"""One model fitted: searched on a sample, its minima finished on all pixels, and the lowest taken."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import jax
+import numpy as np
+
+from diffshade.fusion import compiler_options
+from fitting.likelihood import Likelihood, rounding
+from fitting.limits import Limits
+from fitting.model import Model
+from fitting.observed import Observed
+from fitting.polish import Minimum, polish
+from fitting.project import Problem
+from fitting.search import APART, Basins, Solver, search
+from fitting.weights import Weighting
+
+__all__ = ["Attempt", "attempted"]
+
+RIVAL = 2.0
+"""Times the least that is left of the sample: a minimum of no more could be the best on all pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One model searched: its limits, the minimum, other minima, and how likely the best is."""
+
+    limit: Limits
+    minimum: Minimum
+    others: tuple[Minimum, ...]
+    likelihood: Likelihood
+    steps: int
+
+
+def attempted(
+    observed: Observed,
+    model: Model,
+    limit: Limits,
+    weighting: Weighting | None,
+    gains: bool,
+    solver: Solver | None,
+) -> Attempt:
+    """Fit a model within its limits."""
+    grid, box = limit.searched(observed.dtype)
+    edges = limit.lower.astype(observed.dtype), limit.upper.astype(observed.dtype)
+    problem = Problem(model, *edges, np.asarray(observed.norm, observed.dtype))
+    basins = _program(solver)(problem, observed.sample, grid, box)
+    basins = jax.tree.map(np.asarray, basins)
+
+    exact = replace(problem, lower=limit.lower, upper=limit.upper, norm=np.asarray(observed.norm))
+    within = box[0].astype(float), box[1].astype(float)
+    ones = np.ones(len(observed.photographs)) if gains else None
+    minima = [
+        polish(
+            exact,
+            observed,
+            within,
+            basins.u[j].astype(float),
+            basins.k[j].astype(float),
+            weighting,
+            ones,
+        )
+        for j in _worth(basins)
+    ]
+    minima.sort(key=lambda found: found.cost if np.isfinite(found.cost) else np.inf)
+    best = minima[0]
+    parameters = int((~limit.held).sum()) + model.direction_count + 1  # the noise
+    parameters += len(observed.photographs) - 1 if gains else 0
+    least = rounding(best.square, observed.dtype)
+    likelihood = Likelihood.of(best.cost, least, parameters, observed.count)
+    steps = int(basins.steps) + sum(found.steps for found in minima)
+    return Attempt(limit, best, tuple(minima[1:]), likelihood, steps)
+
+
+@cache
+def _program(solver: Solver | None) -> Callable[..., Basins]:
+    return jax.jit(partial(search, solver=solver), compiler_options=compiler_options())
+
+
+def _worth(basins: Basins) -> list[int]:
+    """The best, and those that are not the same and could be as good."""
+    chosen: list[int] = []
+    for j, (u, cost) in enumerate(zip(basins.u, basins.cost, strict=True)):
+        apart = all(np.abs(u - basins.u[i]).max(initial=0) > APART for i in chosen)
+        if not chosen or (cost <= RIVAL * basins.cost[0] and apart and np.isfinite(cost)):
+            chosen.append(j)
+    return chosen

@@ -1,0 +1,83 @@
+"""The minima of a coarse grid over u, judged by few pixels: where descents begin.
+
+A node is a choice of the lobes' shapes with a law of attenuation. For each law one Gram matrix holds the
+columns of all shapes, and every node picks its own from it.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Bool, Float, Int
+
+from diffshade.channels import Channels, per_channel
+from fitting.arrays import Array
+from fitting.columns import Images, Scenery
+from fitting.limits import Grid
+from fitting.model import Model
+from fitting.project import Problem, best_linear, gram_of
+
+__all__ = ["minima"]
+
+
+def minima(
+    problem: Problem, images: Images, grid: Grid, count: int
+) -> tuple[Float[Array, "M q"], Bool[Array, "M"]]:
+    """The `count` lowest local minima, the lowest first; and which of them are any."""
+    costs = _costs(problem, images, grid)
+    costs = jnp.where(jnp.isfinite(costs), costs, jnp.finfo(costs.dtype).max)
+    around = jnp.where(grid.near_shapes[:, :, None], costs[None], jnp.inf).min(axis=1)
+    around = jnp.where(grid.near_laws[None], around[:, None], jnp.inf).min(axis=2)
+    ranked = jnp.where(costs <= around, costs, jnp.inf).ravel()
+    best = jnp.argsort(ranked)[:count]
+    choice, law = best // len(grid.laws), best % len(grid.laws)
+    lobes = [shapes[grid.chosen[choice, j]][:, None] for j, shapes in enumerate(grid.shapes)]
+    return jnp.concatenate([*lobes, grid.laws[law]], axis=1), jnp.isfinite(ranked[best])
+
+
+def _costs(problem: Problem, images: Images, grid: Grid) -> Float[Array, "N M"]:
+    """What is left at every node, the best linear coefficients within their bounds."""
+    model, at = problem.model, _rows(problem.model, grid)
+
+    def of_law(law: Float[Array, "s"]) -> Float[Array, "N"]:
+        total = images.sum(lambda image: _every_shape(model, grid, law, image))
+        each = jnp.swapaxes(total[:, at[:, :, None], at[:, None, :]], 0, 1)
+        return best_linear(problem, each)[1]
+
+    return lax.map(of_law, grid.laws).T
+
+
+def _rows(model: Model, grid: Grid) -> Int[Array, "N r"]:
+    """Where in the Gram matrix of `_every_shape` each node has its columns, and what was observed."""
+    lobes = _searched(model)
+    others = [i for i in range(model.column_count) if i not in lobes]
+    first, rows = len(others), {i: jnp.full(len(grid.chosen), r) for r, i in enumerate(others)}
+    for j, (column, shapes) in enumerate(zip(lobes, grid.shapes, strict=True)):
+        rows[column] = first + grid.chosen[:, j]
+        first += len(shapes)
+    last = jnp.full(len(grid.chosen), first)
+    return jnp.stack([*(rows[i] for i in range(model.column_count)), last], axis=1)
+
+
+def _every_shape(
+    model: Model, grid: Grid, law: Float[Array, "s"], image: Scenery
+) -> Float[Array, "C R R"]:
+    """The Gram matrix of the columns without a shape, of each lobe with all of its, and of the image."""
+    lobes = _searched(model)
+    some = jnp.concatenate([*(shapes[:1] for shapes in grid.shapes), law])
+    each = model.columns(some, image)
+    rows = [column for i, column in enumerate(each) if i not in lobes]
+    for j, (column, shapes) in enumerate(zip(lobes, grid.shapes, strict=True)):
+
+        def lobe(shape: Float[Array, ""], j: int = j, column: int = column) -> Channels:
+            return model.columns(some.at[j].set(shape), image)[column]
+
+        rows += zip(*jax.vmap(lobe)(shapes), strict=True)
+    rows.append(tuple(image.photo.observed))
+    counted = [per_channel(tuple(row), model.channel_count) for row in rows]
+    return gram_of(counted, model.channel_count, image.photo.weight[None])
+
+
+def _searched(model: Model) -> list[int]:
+    """The columns of the lobes whose shape is searched."""
+    plain = model.column_count - len(model.material.specular)
+    return [plain + j for j in model.searched]

@@ -1,0 +1,229 @@
+"""The last steps, on all pixels and in float64: from a minimum of a sample to that of everything.
+
+The sums over all pixels come page by page, and what is left of them is small: Gauss and Newton's steps
+under the bounds, damped only where one went uphill (Levenberg and Marquardt). One is enough where the
+sample told almost all, as it does where there is no noise. Weights and gains that follow the solution are
+taken anew at each step, and folded into it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from fitting.arrays import Array
+from fitting.columns import Scenery, images_of, predict
+from fitting.linear import damped_step
+from fitting.model import Model
+from fitting.observation import Group
+from fitting.observed import Observed
+from fitting.pages import Sums, in_double
+from fitting.project import Linearised, Problem, linearise, raw_square
+from fitting.weights import Judge, Weighting, robust_scale
+
+__all__ = ["Minimum", "polish"]
+
+Unknowns = Float[np.ndarray, "q"]
+Linear = Float[np.ndarray, "C p"]
+Box = tuple[Unknowns, Unknowns]
+
+MAX_STEPS = 64
+MIN_ROUNDS, MAX_ROUNDS = 5, 60
+"""Of weights and gains that follow the solution."""
+SLIGHT = 0.01
+"""Of a standard error: a step that is no longer matters to nobody."""
+SHORT = {np.dtype(np.float32): 3e-4, np.dtype(np.float64): 3e-6}
+"""A step of y: what is left after it is its square, which is nothing in either precision."""
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """The minimum over all pixels: u and k, and the fit around it, with what depends on what.
+
+    `cost` is what is left of the `square` of all that was observed, `image_cost` and `squares` those
+    of each image in the order of the stacks. `nearest` and `farthest` are the distances of lit points
+    from point lights with an attenuation; `brightest` is the largest observation.
+    """
+
+    problem: Problem
+    u: Unknowns
+    k: Linear
+    at: Linearised
+    image_cost: Float[np.ndarray, "K"]
+    squares: Float[np.ndarray, "K"]
+    nearest: float
+    farthest: float
+    brightest: float
+    steps: int
+    converged: bool
+    judge: Judge | None = None
+    gains: Float[np.ndarray, "K"] | None = None
+
+    @property
+    def cost(self) -> float:
+        """What is left of all images."""
+        return float(self.image_cost.sum())
+
+    @property
+    def square(self) -> float:
+        """|I|^2 of all that was observed."""
+        return float(self.squares.sum())
+
+
+class _Place(NamedTuple):
+    """Where all pixels were summed, and what they said there."""
+
+    problem: Problem
+    u: Unknowns
+    k: Linear
+    sums: Sums
+    at: Linearised
+
+    def after(self, dy: Float[np.ndarray, "m"], box: Box) -> tuple[Unknowns, Linear]:
+        """u and k after a step of y."""
+        model = self.problem.model
+        u = np.clip(model.whole(model.coordinates(self.u) + dy), *box)
+        k = self.at.k + self.at.slope @ dy
+        return u, np.clip(k, self.problem.lower, self.problem.upper)
+
+    def image_cost(self, u: Unknowns, k: Linear) -> Float[np.ndarray, "K"]:
+        """What is left of each image at u and k near by: the squares of a linear model's residuals."""
+        change = np.ones((len(k), self.sums.each.shape[-1]))
+        change[:, : k.shape[1]], change[:, k.shape[1] : -1] = self.k - k, self.u - u
+        return np.maximum(np.einsum("ci,kcij,cj->k", change, self.sums.each, change), 0)
+
+
+def polish(
+    problem: Problem,
+    observed: Observed,
+    box: Box,
+    u: Unknowns,
+    k: Linear,
+    weighting: Weighting | None = None,
+    gains: Float[np.ndarray, "K"] | None = None,
+) -> Minimum:
+    """From u and k to the minimum near them, under weights and with gains where they are asked for."""
+    follows = weighting is not None or gains is not None
+    judge = None if weighting is None else Judge(weighting, u, k, np.ones(()), np.zeros(()))
+    best: _Place | None = None
+    damping, last = 0.0, False
+    for step in range(MAX_ROUNDS if follows else MAX_STEPS):
+        here = _summed(problem, observed, u, k, gains, judge)
+        if best is None or follows or here.at.cost <= best.at.cost * (1 + 1e-12):
+            best, damping = here, damping / 10
+        else:
+            damping = max(10 * damping, 1e-3)
+        dy = _step(best, observed, box, damping)
+        last = _is_last(best, observed, dy) and (not follows or step >= MIN_ROUNDS)
+        u, k = best.after(dy, box)
+        if gains is not None:
+            assert best.at.gains is not None
+            last &= bool(np.max(np.abs(best.at.gains.best - gains)) <= SHORT[observed.dtype])
+            gains = np.asarray(best.at.gains.best)
+        if judge is not None:
+            judge = _judged(judge, best.problem, observed, u, k, gains)
+        if last:
+            break
+    assert best is not None
+    left, sums = best.image_cost(u, k), best.sums
+    return Minimum(
+        problem=best.problem,
+        u=u,
+        k=k,
+        at=best.at,
+        image_cost=left,
+        squares=sums.squares,
+        nearest=sums.nearest,
+        farthest=sums.farthest,
+        brightest=sums.brightest,
+        steps=step + 1,
+        converged=last and bool(np.isfinite(left).all()),
+        judge=judge,
+        gains=gains,
+    )
+
+
+def _summed(
+    problem: Problem,
+    observed: Observed,
+    u: Unknowns,
+    k: Linear,
+    gains: Float[np.ndarray, "K"] | None,
+    judge: Judge | None,
+) -> _Place:
+    problem = replace(problem, model=problem.model.depending_on(u))
+    sums = observed.pages.grams(problem.model, u, k, gains, judge)
+    return _Place(problem, u, k, sums, linearise(problem, sums.each, k, gains))
+
+
+def _alive(at: Linearised, observed: Observed) -> np.ndarray:
+    """The coordinates that the data tell by more than their own rounding."""
+    rounding = 30 * max(float(np.finfo(np.float64).eps), float(np.finfo(observed.dtype).eps) ** 2)
+    return np.flatnonzero(np.diagonal(at.hessian) > rounding * raw_square(at))
+
+
+def _step(place: _Place, observed: Observed, box: Box, damping: float) -> Float[np.ndarray, "m"]:
+    """To the minimum of the model around a place, within the box."""
+    alive, model = _alive(place.at, observed), place.problem.model
+    y, lower, upper = (model.coordinates(x)[alive] for x in (place.u, *box))
+    dy = np.zeros_like(place.at.gradient)
+    hessian = place.at.hessian[np.ix_(alive, alive)]
+    dy[alive] = damped_step(hessian, place.at.gradient[alive], damping, lower - y, upper - y)
+    return dy
+
+
+def _is_last(place: _Place, observed: Observed, dy: Float[np.ndarray, "m"]) -> bool:
+    """Whether a step is so short, absolutely or beside its standard error, that none need follow."""
+    alive = _alive(place.at, observed)
+    hessian = place.at.hessian[np.ix_(alive, alive)]
+    unit = 1 / np.sqrt(np.diagonal(hessian))
+    variance = np.diagonal(np.linalg.pinv(hessian * np.outer(unit, unit), hermitian=True)) * unit**2
+    noise = float(place.at.cost) / max(observed.count, 1)
+    enough = np.maximum(SHORT[observed.dtype], SLIGHT * np.sqrt(np.maximum(variance, 0) * noise))
+    return bool(np.all(np.abs(dy[alive]) <= enough))
+
+
+def _judged(
+    judge: Judge,
+    problem: Problem,
+    observed: Observed,
+    u: Unknowns,
+    k: Linear,
+    gains: Float[np.ndarray, "K"] | None,
+) -> Judge:
+    """A judge at u and k, who knows the noise there."""
+    scale = judge.scale
+    if judge.weighting.robust is not None:
+        with jax.enable_x64(True):
+            scale = np.asarray(_noise(problem.model, observed.sample, judge.weighting, u, k, gains))
+    return Judge(judge.weighting, u, k, scale, judge.round + 1)
+
+
+@jax.jit
+def _noise(
+    model: Model,
+    sample: tuple[Group, ...],
+    weighting: Weighting,
+    u: Float[Array, "q"],
+    k: Float[Array, "C p"],
+    gains: Float[Array, "K"] | None,
+) -> Float[Array, ""]:
+    """The noise level at u and k, whatever outliers there are, from a fair sample of all images."""
+    model, sample = in_double((model, sample))
+    fair = tuple(group.part(slice(0, group.fair)) for group in sample)
+
+    def of_image(at: Scenery) -> tuple[Array, Array]:
+        photo = at.photo
+        predicted = jnp.stack(predict(model.columns(u, at), k))
+        residual = weighting.standardised(predicted, photo.observed)
+        known = jnp.broadcast_to(photo.weight[None] > 0, residual.shape)
+        return residual, known if photo.clipped is None else known & ~photo.clipped
+
+    each = images_of(fair, model.material, gains).each(of_image)
+    residuals, used = zip(*each, strict=True)
+    return robust_scale(
+        jnp.concatenate([r.ravel() for r in residuals]), jnp.concatenate([m.ravel() for m in used])
+    )
