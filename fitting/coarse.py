@@ -18,13 +18,19 @@ from fitting.project import Problem, best_linear, gram_of
 
 __all__ = ["minima"]
 
+ROUNDING = 16
+"""Times the precision, and |observed|^2, that a cost may be off by."""
+
 
 def minima(
     problem: Problem, images: Images, grid: Grid, count: int
 ) -> tuple[Float[Array, "M q"], Bool[Array, "M"]]:
     """The `count` lowest local minima, the lowest first; and which of them are any."""
     costs = _costs(problem, images, grid)
-    costs = jnp.where(jnp.isfinite(costs), costs, jnp.finfo(costs.dtype).max)
+    info = jnp.finfo(costs.dtype)
+    # Of nodes that differ by rounding only the first is taken: the broadest lobe, the flattest law.
+    costs = jnp.maximum(costs, ROUNDING * float(info.eps) * problem.norm**2)
+    costs = jnp.where(jnp.isfinite(costs), costs, info.max)
     around = jnp.where(grid.near_shapes[:, :, None], costs[None], jnp.inf).min(axis=1)
     around = jnp.where(grid.near_laws[None], around[:, None], jnp.inf).min(axis=2)
     ranked = jnp.where(costs <= around, costs, jnp.inf).ravel()

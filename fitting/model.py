@@ -133,13 +133,19 @@ class Model(eqx.Module):
         """The constants v of the attenuation."""
         return u[len(self.searched) :]
 
+    def depends(self, u: Float[Array, "q"]) -> Int[Array, ""]:
+        """The largest free l of u, which makes up the sum of 1 where the scale is free; 0 elsewhere."""
+        xp = u.__array_namespace__()
+        if self.gauge is None or not self.gauge.floating:
+            return xp.zeros((), int)
+        laws = self.free[len(self.searched) :]
+        return xp.asarray(laws)[u[laws].argmax()]
+
     def depending_on(self, u: Float[Array, "q"]) -> "Model":
-        """The model whose dependent constant is the largest free l of u, where the scale is free."""
+        """The model whose dependent constant is the largest l of u, where the scale is free."""
         if self.gauge is None or not self.gauge.floating:
             return self
-        laws = self.free[len(self.searched) :]
-        xp = u.__array_namespace__()
-        return replace(self, dependent=xp.asarray(laws)[u[laws].argmax()])
+        return replace(self, dependent=self.depends(u))
 
     def columns(self, u: Float[Array, "q"], at: Scenery) -> tuple[Channels, ...]:
         """What each linear coefficient adds to an image: the basis, p columns."""

@@ -154,8 +154,9 @@ def _summed(
     gains: Float[np.ndarray, "K"] | None,
     judge: Judge | None,
 ) -> _Place:
-    problem = replace(problem, model=problem.model.depending_on(u))
-    sums = observed.pages.grams(problem.model, u, k, gains, judge)
+    model = problem.model.depending_on(u)
+    problem, u = replace(problem, model=model), model.whole(model.coordinates(u))
+    sums = observed.pages.grams(model, u, k, gains, judge)
     return _Place(problem, u, k, sums, linearise(problem, sums.each, k, gains))
 
 

@@ -35,6 +35,7 @@ BASINS = 3
 APART = 0.02
 """Of u: minima that are no further from each other are one."""
 MAX_STEPS = 24
+AGAIN = 3
 
 Solver = optx.AbstractLeastSquaresSolver
 Box = tuple[Float[Array, "q"], Float[Array, "q"]]
@@ -68,32 +69,37 @@ def search(
     images = images_of(groups, problem.model.material)
 
     count, least = jnp.sum(there), (tolerance(starts.dtype) * problem.norm) ** 2
-    infinite = jnp.full(len(starts), jnp.inf, starts.dtype)
-    shape = len(starts), *problem.lower.shape
+    zero, some = jnp.zeros((), int), len(starts)
     nothing = Basins(
         starts,
-        jnp.zeros(shape, starts.dtype),
-        infinite,
-        jnp.zeros(len(starts), bool),
-        jnp.zeros((), int),
+        jnp.zeros((some, *problem.lower.shape), starts.dtype),
+        jnp.full(some, jnp.inf, starts.dtype),
+        jnp.zeros(some, bool),
+        zero,
     )
 
-    def unfinished(state: tuple[Array, Basins]) -> Bool[Array, ""]:
+    def unfinished(state: tuple[Array, Array, Basins]) -> Bool[Array, ""]:
         # Where all that is left is rounding, nothing can be better.
-        return (state[0] < count) & (jnp.min(state[1].cost) > least)
+        j, again, so_far = state
+        return (j < count) & ((again > 0) | (jnp.min(so_far.cost) > least))
 
-    def followed(state: tuple[Array, Basins]) -> tuple[Array, Basins]:
-        j, so_far = state
-        u, k, cost, converged, steps = descend(problem, images, starts[j], box, solver)
-        return j + 1, Basins(
+    def followed(state: tuple[Array, Array, Basins]) -> tuple[Array, Array, Basins]:
+        j, again, so_far = state
+        start = so_far.u[j]
+        u, k, cost, converged, steps = descend(problem, images, start, box, solver)
+        found = Basins(
             so_far.u.at[j].set(u),
             so_far.k.at[j].set(k),
             so_far.cost.at[j].set(jnp.where(jnp.isfinite(cost), cost, jnp.inf)),
             so_far.converged.at[j].set(converged),
             so_far.steps + steps,
         )
+        # Where what depends on the others reached its bound, it was no bound to the descent.
+        moved = problem.model.depends(u) != problem.model.depends(start)
+        again = jnp.where(moved & (again < AGAIN), again + 1, 0)
+        return j + (again == 0), again, found
 
-    _, found = lax.while_loop(unfinished, followed, (jnp.zeros((), int), nothing))
+    found = lax.while_loop(unfinished, followed, (zero, zero, nothing))[2]
     order = jnp.argsort(found.cost)
     return Basins(*(x[order] for x in (found.u, found.k, found.cost, found.converged)), found.steps)
 
@@ -148,7 +154,7 @@ def descend(
         throw=False,
     )
     converged = jnp.asarray(solution.result == optx.RESULTS.successful)
-    u = model.whole(jnp.clip(solution.value, lower, upper))
-    u = jnp.clip(u, box[0], box[1])  # what depends on others is not bounded by the search
+    # What depends on others is not bounded by the search: the step to its bound is the shorter one.
+    u = jnp.clip(model.whole(jnp.clip(solution.value, lower, upper)), box[0], box[1])
     k, cost = solution.aux
     return u, k, cost, converged & jnp.isfinite(cost), solution.stats["num_steps"]
