@@ -1,8 +1,8 @@
 """Peak memory of a fit beyond its inputs, which must not grow with the number of observations.
 
 The peak is that of the process while it fits, over what it held before: image, G-buffer, and the
-libraries, after a small fit has loaded and compiled what does not depend on the size. On Linux only,
-where a process can set its peak back.
+libraries, after a fit of more than one page has loaded and compiled all there is. On Linux only, where a
+process can set its peak back.
 """
 
 import gc
@@ -27,7 +27,7 @@ MEGABYTE = 2.0**20
 
 def measure(size: int) -> dict[str, Any]:
     """One RGB image of size x size pixels under three lights, whose attenuation is fitted too."""
-    _fit(*_inputs(64))
+    _fit(*_inputs(512))
     image, gbuffer, scene = _inputs(size)
     gc.collect()
     before = _resident()

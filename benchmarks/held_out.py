@@ -14,7 +14,7 @@ import fitting
 from benchmarks.figures import Figure, answer, ask
 from diffshade.io.capture import Capture
 from diffshade.io.read_capture import read_capture
-from fitting.named_models import named_material
+from fitting.named_models import named_bounds, named_material
 
 __all__ = ["figures", "run"]
 
@@ -52,7 +52,14 @@ def measure(folder: str, model: str) -> dict[str, Any]:
 def _fit(capture: Capture, model: str, chosen: list[int]) -> fitting.Fit:
     images, scenes, valid = _chosen(capture, chosen)
     material = named_material(model, ambient=True)
-    return fitting.fit(images, capture.gbuffer, scenes, material=material, valid=valid)
+    return fitting.fit(
+        images,
+        capture.gbuffer,
+        scenes,
+        material=material,
+        bounds=named_bounds(model),
+        valid=valid,
+    )
 
 
 def _chosen(capture: Capture, chosen: list[int]) -> tuple[list[Any], list[Any], list[Any]]:

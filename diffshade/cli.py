@@ -144,7 +144,7 @@ def fit(
         captures: A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml. Of
             several, each is fitted on its own, into a folder of its name below --out.
         out: Write pictures, report.html, report.txt and fit.json into this folder.
-        model: Diffuse and ambient terms with this lobe; lambert has none, phong2 has two.
+        model: Diffuse and ambient terms with this lobe; lambert has none, phong2 two highlights.
         json: Print one JSON object and nothing else on standard output.
         white: The level at which the sensor clips, as a part of full scale.
         circle: The outline of the ball, in pixels from the image's top left corner.

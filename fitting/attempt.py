@@ -12,6 +12,7 @@ from fitting.likelihood import Likelihood, rounding
 from fitting.limits import Limits
 from fitting.model import Model
 from fitting.observed import Observed
+from fitting.outliers import without_outliers
 from fitting.polish import Minimum, polish
 from fitting.project import Problem
 from fitting.search import APART, Basins, Solver, search
@@ -47,6 +48,11 @@ def attempted(
     edges = limit.lower.astype(observed.dtype), limit.upper.astype(observed.dtype)
     problem = Problem(model, *edges, np.asarray(observed.norm, observed.dtype))
     basins = _program(solver)(problem, observed.sample, grid, box)
+    if weighting is not None and weighting.robust is not None:
+        # What least squares bends to is taken out, and all is searched anew.
+        u, k = basins.u[0], basins.k[0]
+        rest = without_outliers(model, observed.sample, weighting, u, k)
+        basins = _program(solver)(problem, rest, grid, box)
     basins = jax.tree.map(np.asarray, basins)
 
     exact = replace(problem, lower=limit.lower, upper=limit.upper, norm=np.asarray(observed.norm))
@@ -64,7 +70,7 @@ def attempted(
         )
         for j in _worth(basins)
     ]
-    minima.sort(key=lambda found: found.cost if np.isfinite(found.cost) else np.inf)
+    minima.sort(key=_left)
     best = minima[0]
     parameters = int((~limit.held).sum()) + model.direction_count + 1  # the noise
     parameters += len(observed.photographs) - 1 if gains else 0
@@ -87,3 +93,11 @@ def _worth(basins: Basins) -> list[int]:
         if not chosen or (cost <= RIVAL * basins.cost[0] and apart and np.isfinite(cost)):
             chosen.append(j)
     return chosen
+
+
+def _left(found: Minimum) -> float:
+    """What is left, by which minima rank: where each has outliers of its own, the noise beside them."""
+    judge = found.judge
+    robust = judge is not None and judge.weighting.robust is not None
+    left = float(judge.scale) if judge is not None and robust else found.cost
+    return left if np.isfinite(left) else np.inf

@@ -144,8 +144,8 @@ def fit(
     - `hold`: names of coefficients kept at their value in `material`: "ka", "kd", "specular.ks",
       "specular.shininess", or "specular.0.ks" for one lobe; and "attenuation.c0" and so on at their
       value in the scene's lights.
-    - `bounds`: lower and upper by name, by default 0 and 1 for each k (None: unbounded), and 0.1 and
-      100,000 for the shininess (None: these). They hold at every step. Beside the
+    - `bounds`: lower and upper by name, by default 0 and 1 for k_a and k_d, 0 for k_s (None: unbounded),
+      and 0.1 and 100,000 for the shininess (None: these). They hold at every step. Beside the
       constants of a quadratic or linear attenuation k_d and k_s have no scale of their own, and no
       upper bound, unless one of them or of the constants is held, or the clamp is seen.
     - `valid`: which pixels to use [H, W], one or one an image; by default all of the foreground.

@@ -20,7 +20,9 @@ Bound = float | int | None
 Bounds = Mapping[str, tuple[Bound, Bound]]
 
 REFLECTED = (0.0, 1.0)
-"""Of k_a, k_d and k_s by default: a share of the light."""
+"""Of k_a and k_d by default: a share of the light."""
+HIGHLIGHT = (0.0, None)
+"""Of k_s: a lobe is as bright as it is sharp, for its shape is not normalised."""
 SHININESS = (0.1, 1e5)
 
 SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
@@ -117,7 +119,7 @@ def _column(
                 " channels: give one, or one a channel"
             )
         return np.broadcast_to(value, channel_count), np.broadcast_to(value, channel_count)
-    low, high = given.get(name, REFLECTED)
+    low, high = given.get(name, HIGHLIGHT if name.endswith(".ks") else REFLECTED)
     low = -np.inf if low is None else low
     high = np.inf if high is None else high
     if not low <= high:

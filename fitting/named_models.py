@@ -7,7 +7,7 @@ from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.phong import Phong
 
-__all__ = ["LOBES", "MODELS", "named_material"]
+__all__ = ["LOBES", "MODELS", "named_bounds", "named_material"]
 
 MODELS: dict[str, tuple[type[Phong] | type[BlinnPhong], ...]] = {
     "phong": (Phong,),
@@ -22,6 +22,10 @@ SHARPEST = 200.0
 """The shininess at which the first of several lobes starts; each further one is a tenth."""
 
 
+BROADEST = 2.0
+"""The least shininess of each of several lobes: what is broader is no highlight, but diffuse."""
+
+
 def named_material(model: str, *, ambient: bool) -> Material:
     """A material of a named model, with the values at which a fit starts."""
     half: Any = 0.5
@@ -30,3 +34,8 @@ def named_material(model: str, *, ambient: bool) -> Material:
         lobe(ks=half, shininess=start) for lobe, start in zip(MODELS[model], starts, strict=True)
     )
     return Material(ka=half if ambient else None, kd=half, specular=lobes)
+
+
+def named_bounds(model: str) -> dict[str, tuple[float | None, float | None]]:
+    """The bounds that a named model has beside those of every fit."""
+    return {"specular.shininess": (BROADEST, None)} if len(MODELS[model]) > 1 else {}

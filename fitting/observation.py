@@ -30,7 +30,7 @@ from fitting.inputs import Photograph, Pixels, Traced
 
 __all__ = ["Group", "Stack", "in_precision", "stacked", "stacks", "traced_groups"]
 
-PAGE = 2**18
+PAGE = 2**17
 """Points times lights or channels, whichever are more, that a device works on at one time."""
 SAMPLE = 1024
 """Points of a fair sample, and as many again of the brightest."""
@@ -295,6 +295,6 @@ def _points(surface: GBuffer, points: slice) -> GBuffer:
 
 
 def stepped(size: int) -> int:
-    """The least of 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, ... that is no less: four an octave."""
-    step = 1 << max(0, (size - 1).bit_length() - 3)
+    """The least of 1, 2, 3, ... 16, 18, 20, ... 32, 36, 40, ... that is no less: eight an octave."""
+    step = 1 << max(0, (size - 1).bit_length() - 4)
     return -(-size // step) * step

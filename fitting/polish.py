@@ -10,19 +10,15 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from fitting.arrays import Array
-from fitting.columns import Scenery, images_of, predict
 from fitting.linear import damped_step
-from fitting.model import Model
-from fitting.observation import Group
 from fitting.observed import Observed
-from fitting.pages import Sums, in_double
+from fitting.outliers import noise
+from fitting.pages import Sums
 from fitting.project import Linearised, Problem, linearise, raw_square
-from fitting.weights import Judge, Weighting, robust_scale
+from fitting.weights import Judge, Weighting
 
 __all__ = ["Minimum", "polish"]
 
@@ -199,32 +195,5 @@ def _judged(
     scale = judge.scale
     if judge.weighting.robust is not None:
         with jax.enable_x64(True):
-            scale = np.asarray(_noise(problem.model, observed.sample, judge.weighting, u, k, gains))
+            scale = np.asarray(noise(problem.model, observed.sample, judge.weighting, u, k, gains))
     return Judge(judge.weighting, u, k, scale, judge.round + 1)
-
-
-@jax.jit
-def _noise(
-    model: Model,
-    sample: tuple[Group, ...],
-    weighting: Weighting,
-    u: Float[Array, "q"],
-    k: Float[Array, "C p"],
-    gains: Float[Array, "K"] | None,
-) -> Float[Array, ""]:
-    """The noise level at u and k, whatever outliers there are, from a fair sample of all images."""
-    model, sample = in_double((model, sample))
-    fair = tuple(group.part(slice(0, group.fair)) for group in sample)
-
-    def of_image(at: Scenery) -> tuple[Array, Array]:
-        photo = at.photo
-        predicted = jnp.stack(predict(model.columns(u, at), k))
-        residual = weighting.standardised(predicted, photo.observed)
-        known = jnp.broadcast_to(photo.weight[None] > 0, residual.shape)
-        return residual, known if photo.clipped is None else known & ~photo.clipped
-
-    each = images_of(fair, model.material, gains).each(of_image)
-    residuals, used = zip(*each, strict=True)
-    return robust_scale(
-        jnp.concatenate([r.ravel() for r in residuals]), jnp.concatenate([m.ravel() for m in used])
-    )

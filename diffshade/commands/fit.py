@@ -85,7 +85,7 @@ def fit_capture(
     progress(f"reading {path}")
     import fitting
     from diffshade.io.read_capture import read_capture
-    from fitting.named_models import named_material
+    from fitting.named_models import named_bounds, named_material
     from fitting.report import fit_to_json
 
     capture = read_capture(path, white=white, circle=circle, encoding=encoding)
@@ -102,6 +102,7 @@ def fit_capture(
             material=held,
             attenuation=capture.fit_attenuation,
             hold=[name for name, _ in hold],
+            bounds=named_bounds(model),
             robust="tukey" if robust else None,
             valid=capture.valid,
             clipped=capture.clipped if censor else None,
