@@ -1,8 +1,8 @@
 from .certificate import Certificate as Certificate
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
-from .estimate import Fit as Fit
 from .estimate import fit as fit
+from .found import Fit as Fit
 from .implicit import solve as solve
 from .maps import Maps as Maps
 from .maps import fit_maps as fit_maps

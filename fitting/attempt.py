@@ -7,7 +7,7 @@ from functools import cache, partial
 import jax
 import numpy as np
 
-from diffshade.fusion import compiler_options
+from diffshade.fusion import search_options
 from fitting.likelihood import Likelihood, rounding
 from fitting.limits import Limits
 from fitting.model import Model
@@ -82,7 +82,7 @@ def attempted(
 
 @cache
 def _program(solver: Solver | None) -> Callable[..., Basins]:
-    return jax.jit(partial(search, solver=solver), compiler_options=compiler_options())
+    return jax.jit(partial(search, solver=solver), compiler_options=search_options())
 
 
 def _worth(basins: Basins) -> list[int]:

@@ -13,7 +13,8 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.estimate import Fit, fit
+from fitting.estimate import fit
+from fitting.found import Fit
 
 __all__ = ["Comparison", "compare"]
 

@@ -1,13 +1,10 @@
 """The door to fitting: images, surfaces and lights in, a material with its errors out."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
-import equinox as eqx
 import numpy as np
 import optimistix as optx
-from jaxtyping import Float
 
 from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
@@ -17,94 +14,21 @@ from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt, attempted
-from fitting.certificate import Certificate
 from fitting.certificate import certify as prove
 from fitting.clamp import CLEAR, may_show, with_clamp
-from fitting.degeneracies import Seen, highlight_depths
 from fitting.devices import Devices, check_same_input, mesh_over
-from fitting.distances import share_nearer
+from fitting.found import Fit
 from fitting.gauge import CONSTANTS, gauge_of, lengths, with_attenuation
-from fitting.identify import Unidentified, unidentified
 from fitting.inputs import Photograph, match
-from fitting.likelihood import Likelihood, rounding
+from fitting.likelihood import rounding
 from fitting.limits import Bounds, Grid, ceiling_grid, limits
 from fitting.model import Model, default_material, held_names, linear_names, model_of
 from fitting.observed import Observed
-from fitting.polish import Minimum
-from fitting.profile import Profile, profile
-from fitting.recovered import Recovery, clamped_within
-from fitting.residual import ImageResidual, evaluation, measure, ratio
-from fitting.search import APART
-from fitting.suspects import SuspectImage, suspects
-from fitting.uncertainty import propagate
+from fitting.profile import profile
+from fitting.recovered import clamped_within
 from fitting.weights import SensorNoise, Tukey, Weighting
 
-__all__ = ["Basin", "Correlations", "Fit", "fit"]
-
-INDISTINGUISHABLE = 10.0
-"""Of the noise's variance: a cost within so much of the best is no worse (likelihood ratio of e^-5)."""
-
-
-@dataclass(frozen=True)
-class Basin:
-    """Another minimum: what was searched there by name, and what it leaves.
-
-    `within_noise` says that the images cannot tell it from the one that was reported.
-    """
-
-    coefficients: Mapping[str, float]
-    relative_residual: float
-    within_noise: bool
-
-
-@dataclass(frozen=True)
-class Correlations:
-    """Of the reported numbers, "kd[0]" for the first channel: a matrix; NaN where one is not told."""
-
-    names: tuple[str, ...]
-    matrix: Float[np.ndarray, "m m"]
-
-
-@dataclass(frozen=True)
-class Fit:
-    """What `fit` found.
-
-    `material` and `scene` are of the types that were given, a tuple of scenes where several were.
-    `coefficients` and `standard_errors` hold arrays by name: "ka", "kd", "specular.0.ks",
-    "specular.0.shininess"; "attenuation.c0" and so on where an attenuation was fitted, and with a
-    quadratic or a linear one what was measured first, "reference.l0" to "l2" and k f(d0) as
-    "reference.kd", at the distance d0 = `reference_distance`, where 1/f(d) is in proportion to
-    l0 + l1 d/d0 + l2 (d/d0)^2. Standard errors are infinite where the images do not tell;
-    `unidentified` names what is not to be trusted, and why.
-    `intervals` are those of 95 %, lower and upper end; `correlations` those of all numbers.
-    `noise` is the standard deviation of an observation. `relative_residual` is that of `evaluate`;
-    beside it stands the `weighted_residual` of a fit that gave its observations weights. `basins`
-    are other minima, `suspect_images` those that stand out. `gains` are the factors on the lights
-    of each image, where they were asked for. `likelihood` is that of the images, with the number of
-    free parameters and its `bic`, by which models compare (`compare`).
-    """
-
-    material: Material
-    scene: Any
-    coefficients: Mapping[str, np.ndarray]
-    standard_errors: Mapping[str, np.ndarray]
-    unidentified: tuple[Unidentified, ...]
-    relative_residual: float
-    fraction_excluded: float
-    per_image: tuple[ImageResidual, ...]
-    noise: float
-    converged: bool
-    steps: int
-    reference_distance: float | None = None
-    intervals: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    correlations: Correlations | None = None
-    basins: tuple[Basin, ...] = ()
-    suspect_images: tuple[SuspectImage, ...] = ()
-    weighted_residual: float | None = None
-    gains: np.ndarray | None = None
-    certificate: Certificate | None = None
-    profiles: tuple[Profile, ...] = ()
-    likelihood: Likelihood | None = None
+__all__ = ["fit"]
 
 
 def fit(
@@ -207,89 +131,15 @@ def fit(
         return attempted(observed, model, limit, weighting, gains, solver)
 
     best = _clamped(attempt, attempt(model), observed)
-    found = _fit(best, observed, held, weighting, one_scene=isinstance(scenes, Scene) and not gains)
     box = best.limit.box
     drawn = len(model.searched) if profiles else 0
-    return replace(
-        found,
+    return Fit.of(
+        best,
+        observed,
+        held,
+        one_scene=isinstance(scenes, Scene),
         certificate=prove(observed, best.minimum, box) if certify else None,
         profiles=tuple(profile(observed, best.minimum, box, which=k) for k in range(drawn)),
-    )
-
-
-def _fit(
-    best: Attempt,
-    observed: Observed,
-    held: frozenset[str],
-    weighting: Weighting | None,
-    *,
-    one_scene: bool,
-) -> Fit:
-    """What was found, in the words of the caller."""
-    limit, minimum = best.limit, best.minimum
-    model, dtype, photographs = minimum.problem.model, observed.dtype, observed.photographs
-    recovery = Recovery(model, limit.natural_upper, minimum.nearest)
-    law = recovery.law(minimum.k, minimum.u, dtype)
-    material = recovery.material(minimum.k, minimum.u, dtype)
-    gains = None if minimum.gains is None else observed.in_order(minimum.gains)
-    lit = [p.scene if law is None else _relit(p.scene, law) for p in photographs]
-    if gains is not None:
-        lit = [_brighter(scene, g) for scene, g in zip(lit, gains, strict=True)]
-
-    judge = minimum.judge
-    robust = judge is not None and judge.weighting.robust is not None
-    edges = [
-        np.append(linear, model.coordinates(of_u))
-        for linear, of_u in zip((limit.lower, limit.upper), limit.box, strict=True)
-    ]
-    uncertainty = propagate(
-        replace(minimum.at, k=minimum.k, cost=np.asarray(minimum.cost)),
-        model.coordinates(minimum.u),
-        np.append(limit.held.ravel(), np.zeros(model.direction_count, bool)),
-        observed.count,
-        lambda k, y: recovery.coefficients(k, model.whole(y)),
-        bounds=(edges[0], edges[1]),
-        noise=float(judge.scale) if judge is not None and robust else None,
-        gains=minimum.at.gains,
-        rounding=float(np.finfo(dtype).eps),
-    )
-    values = uncertainty.values
-    free = {n: v for n, v in values.items() if n not in held}
-    left, squares = observed.in_order(minimum.image_cost), observed.in_order(minimum.squares)
-    if weighting is None:
-        measured = evaluation(photographs, left, squares)
-    else:  # whatever weights it had, the figure is that of all unclipped pixels
-        measured = measure(
-            material, [p._replace(scene=s) for p, s in zip(photographs, lit, strict=True)]
-        )
-    fitted_law = model.gauge is not None
-    return Fit(
-        material=material,
-        scene=lit[0] if one_scene else tuple(lit),
-        coefficients=values,
-        standard_errors={n: e for n, e in uncertainty.standard_errors.items() if n in free},
-        unidentified=unidentified(
-            free,
-            uncertainty,
-            minimum.brightest,
-            scaled=model.gauge is not None and model.gauge.floating,
-            gains=() if gains is None else tuple(f"gain.{k}" for k in range(len(gains))),
-            seen=_seen(minimum, observed),
-        ),
-        relative_residual=measured.relative_residual,
-        fraction_excluded=measured.fraction_excluded,
-        per_image=measured.per_image,
-        noise=uncertainty.noise,
-        converged=minimum.converged,
-        steps=best.steps,
-        reference_distance=observed.distance if fitted_law and "reference.l0" in values else None,
-        intervals={n: i for n, i in uncertainty.intervals.items() if n in free},
-        correlations=Correlations(uncertainty.numbers, uncertainty.correlations),
-        basins=_basins(best, uncertainty.noise),
-        suspect_images=suspects(measured.per_image),
-        weighted_residual=None if weighting is None else ratio(left.sum(), squares.sum()),
-        gains=gains,
-        likelihood=best.likelihood,
     )
 
 
@@ -321,55 +171,6 @@ def _weighting(
     if robust is None and noise is None and clipped is None:
         return None
     return Weighting(robust, noise)
-
-
-def _basins(best: Attempt, noise: float) -> tuple[Basin, ...]:
-    """The other minima that were followed to their end."""
-    least = best.minimum
-    apart = [m for m in best.others if np.abs(m.u - least.u).max(initial=0) > APART]
-    return tuple(
-        Basin(
-            other.problem.model.named(other.u),
-            ratio(other.cost, other.square),
-            bool(other.cost - least.cost <= INDISTINGUISHABLE * noise**2),
-        )
-        for other in apart
-    )
-
-
-def _brighter(scene: Scene, gain: float) -> Scene:
-    """The scene with the intensity of its lights times a gain."""
-    lights = tuple(
-        eqx.tree_at(
-            lambda x: x.intensity, light, light.intensity * light.intensity.dtype.type(gain)
-        )
-        for light in scene.lights
-    )
-    return Scene(scene.ambient, lights)
-
-
-def _seen(minimum: Minimum, observed: Observed) -> Seen:
-    """What helps to say why something is not told."""
-    model, at = minimum.problem.model, minimum.at
-    plain = model.column_count - len(model.material.specular)
-    depths = highlight_depths(at.information, minimum.k, plain, model.searched)
-    if model.gauge is None:
-        return Seen(depths=depths)
-    within = clamped_within(model, minimum.u)
-    clamped = 0.0
-    if within > minimum.nearest:
-        clamped = share_nearer(observed.pages, model, within)
-    return Seen(minimum.nearest, minimum.farthest, clamped, depths)
-
-
-def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:
-    """The scene with an attenuation that is known to be valid: nothing is checked or converted."""
-    return eqx.tree_at(
-        lambda s: [x.attenuation for x in s.lights if isinstance(x, PointLight)],
-        scene,
-        [law for light in scene.lights if isinstance(light, PointLight)],
-        is_leaf=lambda x: x is None,
-    )
 
 
 def _constants(attenuation: type[AbstractAttenuation] | None) -> tuple[str, ...]:

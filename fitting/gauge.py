@@ -113,6 +113,11 @@ class AbstractGauge(eqx.Module):
     def constants(self, v: Numbers, scale: Numbers) -> tuple[Numbers, ...]:
         """Those of the law, 1/f times the `scale` by which k_d and k_s are multiplied."""
 
+    @property
+    @abstractmethod
+    def has_shares(self) -> bool:
+        """Whether the law has l0, l1, ... at the reference distance."""
+
     @abstractmethod
     def shares(self, v: Numbers) -> tuple[Numbers, ...]:
         """l0, l1, ... as parts of their sum, of a law that has them."""
@@ -156,6 +161,10 @@ class PolynomialGauge(AbstractGauge):
     def constants(self, v: Numbers, scale: Numbers) -> tuple[Numbers, ...]:
         d0 = float(self.distance)
         return tuple(scale * v[..., k] / d0**k for k in range(self.size))
+
+    @property
+    def has_shares(self) -> bool:
+        return True
 
     def shares(self, v: Numbers) -> tuple[Numbers, ...]:
         total = v.sum(axis=-1)
@@ -226,6 +235,10 @@ class ExponentialGauge(AbstractGauge):
     def constants(self, v: Numbers, scale: Numbers) -> tuple[Numbers, ...]:
         del scale  # is 1
         return (v[..., 0] / float(self.distance),)
+
+    @property
+    def has_shares(self) -> bool:
+        return False
 
     def shares(self, v: Numbers) -> tuple[Numbers, ...]:
         del v

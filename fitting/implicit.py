@@ -27,7 +27,7 @@ from jaxtyping import Array, Bool, Float
 
 from diffshade.arrays import ArrayLike, is_concrete, is_outermost
 from diffshade.errors import BadInput
-from diffshade.fusion import compiler_options
+from diffshade.fusion import search_options
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
@@ -199,7 +199,7 @@ _solve = jax.jit(_solution)
 
 @cache
 def _solve_outermost() -> Callable[..., Material]:
-    return jax.jit(_solution, compiler_options=compiler_options())
+    return jax.jit(_solution, compiler_options=search_options())
 
 
 def _inside(theta: Vector, lower: Vector, upper: Vector) -> Bool[Array, "n"]:

@@ -19,7 +19,7 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Float, PyTree
 
-from diffshade.fusion import compiler_options
+from diffshade.fusion import search_options
 from fitting.arrays import Array
 from fitting.columns import Photo, Scenery, photos, scenery
 from fitting.devices import AXIS, place
@@ -132,7 +132,7 @@ def _program(function: Summed, mesh: Mesh | None) -> Callable[..., Any]:
         specs = (_specs(group), *(jax.tree.map(lambda _: whole, x) for x in arguments))
         return jax.shard_map(part, mesh=mesh, in_specs=specs, out_specs=whole)(group, *arguments)
 
-    return jax.jit(in_float64 if mesh is None else shared, compiler_options=compiler_options())
+    return jax.jit(in_float64 if mesh is None else shared, compiler_options=search_options())
 
 
 def _specs(group: Group) -> Group:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from diffshade.io.toml_document import Table
     from diffshade.light.attenuation import AbstractAttenuation
     from diffshade.reflectance.material import Material
-    from fitting.estimate import Fit
+    from fitting.found import Fit
     from fitting.residual import Evaluation
 
 __all__ = [

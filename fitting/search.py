@@ -97,7 +97,7 @@ def search(
         # Where what depends on the others reached its bound, it was no bound to the descent.
         moved = problem.model.depends(u) != problem.model.depends(start)
         again = jnp.where(moved & (again < AGAIN), again + 1, 0)
-        return j + (again == 0), again, found
+        return jnp.where(again > 0, j, j + 1), again, found
 
     found = lax.while_loop(unfinished, followed, (zero, zero, nothing))[2]
     order = jnp.argsort(found.cost)

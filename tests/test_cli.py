@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
@@ -279,7 +280,7 @@ def test_many_images_share_a_sheet(
             for name in ("names", "images", "valid", "clipped", "scenes")
         },
     )
-    found = replace(fitted.fit, scene=fitted.fit.scene[:1] * many)
+    found: Any = SimpleNamespace(material=fitted.fit.material, scene=fitted.fit.scene[:1] * many)
     # Into a folder that holds an earlier fit, and something of the user's.
     for file in results.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())

@@ -15,7 +15,7 @@ from diffshade.errors import BadInput
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
     from diffshade.reflectance.material import Material
-    from fitting.estimate import Fit
+    from fitting.found import Fit
 
 __all__ = ["Fitted", "Hold", "fit", "fit_capture", "fit_into"]
 
