@@ -1,7 +1,7 @@
 """One model fitted: searched on a sample, its minima finished on all pixels, and the lowest taken."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 
 import jax
@@ -18,7 +18,7 @@ from fitting.project import Problem
 from fitting.search import APART, Basins, Solver, search
 from fitting.weights import Weighting
 
-__all__ = ["Attempt", "attempted"]
+__all__ = ["Attempt", "attempted", "searched"]
 
 RIVAL = 2.0
 """Times the least that is left of the sample: a minimum of no more could be the best on all pixels."""
@@ -35,15 +35,14 @@ class Attempt:
     steps: int
 
 
-def attempted(
+def searched(
     observed: Observed,
     model: Model,
     limit: Limits,
     weighting: Weighting | None,
-    gains: bool,
     solver: Solver | None,
-) -> Attempt:
-    """Fit a model within its limits."""
+) -> Basins:
+    """The minima of a model within its limits, as a sample has them; NumPy arrays in float64."""
     grid, box = limit.searched(observed.dtype)
     edges = limit.lower.astype(observed.dtype), limit.upper.astype(observed.dtype)
     problem = Problem(model, *edges, np.asarray(observed.norm, observed.dtype))
@@ -53,21 +52,28 @@ def attempted(
         u, k = basins.u[0], basins.k[0]
         rest = without_outliers(model, observed.sample, weighting, u, k)
         basins = _program(solver)(problem, rest, grid, box)
-    basins = jax.tree.map(np.asarray, basins)
+    return Basins(
+        u=np.asarray(basins.u, float),
+        k=np.asarray(basins.k, float),
+        cost=np.asarray(basins.cost, float),
+        converged=np.asarray(basins.converged),
+        steps=np.asarray(basins.steps),
+    )
 
-    exact = replace(problem, lower=limit.lower, upper=limit.upper, norm=np.asarray(observed.norm))
-    within = box[0].astype(float), box[1].astype(float)
+
+def attempted(
+    observed: Observed,
+    model: Model,
+    limit: Limits,
+    basins: Basins,
+    weighting: Weighting | None,
+    gains: bool,
+) -> Attempt:
+    """Fit a model within its limits, from the minima that a search found."""
+    problem = Problem(model, limit.lower, limit.upper, np.asarray(observed.norm))
     ones = np.ones(len(observed.photographs)) if gains else None
     minima = [
-        polish(
-            exact,
-            observed,
-            within,
-            basins.u[j].astype(float),
-            basins.k[j].astype(float),
-            weighting,
-            ones,
-        )
+        polish(problem, observed, limit.box, basins.u[j], basins.k[j], weighting, ones)
         for j in _worth(basins)
     ]
     minima.sort(key=_left)

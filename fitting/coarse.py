@@ -33,8 +33,14 @@ def minima(
     costs = jnp.where(jnp.isfinite(costs), costs, info.max)
     around = jnp.where(grid.near_shapes[:, :, None], costs[None], jnp.inf).min(axis=1)
     around = jnp.where(grid.near_laws[None], around[:, None], jnp.inf).min(axis=2)
-    ranked = jnp.where(costs <= around, costs, jnp.inf).ravel()
-    best = jnp.argsort(ranked)[:count]
+    lowest = costs <= around
+    # First those of different shapes: of one shape any law leads to the others.
+    of_shape = costs.min(axis=1)
+    leads = of_shape <= jnp.where(grid.near_shapes, of_shape[None], jnp.inf).min(axis=1)
+    first = lowest & leads[:, None] & (costs <= of_shape[:, None])
+    ranked = jnp.where(lowest, costs, jnp.inf).ravel()
+    order = jnp.lexsort((ranked, ~first.ravel() & lowest.ravel(), ~lowest.ravel()))
+    best = order[:count]
     choice, law = best // len(grid.laws), best % len(grid.laws)
     lobes = [shapes[grid.chosen[choice, j]][:, None] for j, shapes in enumerate(grid.shapes)]
     return jnp.concatenate([*lobes, grid.laws[law]], axis=1), jnp.isfinite(ranked[best])

@@ -13,15 +13,16 @@ from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.attempt import Attempt, attempted
+from fitting.attempt import Attempt, attempted, searched
 from fitting.certificate import certify as prove
 from fitting.clamp import CLEAR, may_show, with_clamp
 from fitting.devices import Devices, check_same_input, mesh_over
 from fitting.found import Fit
-from fitting.gauge import CONSTANTS, gauge_of, lengths, with_attenuation
+from fitting.gauge import CONSTANTS, PolynomialGauge, gauge_of, lengths, with_attenuation
 from fitting.inputs import Photograph, match
+from fitting.known_scale import scaled, unscaled
 from fitting.likelihood import rounding
-from fitting.limits import Bounds, Grid, ceiling_grid, limits
+from fitting.limits import Bounds, Grid, Limits, ceiling_grid, limits
 from fitting.model import Model, default_material, held_names, linear_names, model_of
 from fitting.observed import Observed
 from fitting.profile import profile
@@ -68,8 +69,8 @@ def fit(
     - `hold`: names of coefficients kept at their value in `material`: "ka", "kd", "specular.ks",
       "specular.shininess", or "specular.0.ks" for one lobe; and "attenuation.c0" and so on at their
       value in the scene's lights.
-    - `bounds`: lower and upper by name, by default 0 and 1 for k_a and k_d, 0 for k_s (None: unbounded),
-      and 0.1 and 100,000 for the shininess (None: these). They hold at every step. Beside the
+    - `bounds`: lower and upper by name, by default 0 and 1 for each k (None: unbounded), and 0.1 and
+      100,000 for the shininess (None: these). They hold at every step. Beside the
       constants of a quadratic or linear attenuation k_d and k_s have no scale of their own, and no
       upper bound, unless one of them or of the constants is held, or the clamp is seen.
     - `valid`: which pixels to use [H, W], one or one an image; by default all of the foreground.
@@ -125,10 +126,20 @@ def fit(
         )
         model = replace(model, gauge=gauge)
 
+    def limited(model: Model, held: frozenset[str]) -> Limits:
+        return limits(model, held, start, bounds or {}, start_given=material is not None)
+
     def attempt(model: Model, grid: Grid | None = None) -> Attempt:
-        limit = limits(model, held, start, bounds or {}, start_given=material is not None)
-        limit = limit if grid is None else replace(limit, grid=grid)
-        return attempted(observed, model, limit, weighting, gains, solver)
+        limit = limited(model, held)
+        free = unscaled(model)
+        if grid is None and free is not None:
+            loose = limited(free, held - {n for n in linear_names(start) if n != "ka"})
+            basins = searched(observed, free, loose, weighting, solver)
+            basins = scaled(basins, model, limit)
+        else:
+            grid = limit.grid if grid is None else grid
+            basins = searched(observed, model, replace(limit, grid=grid), weighting, solver)
+        return attempted(observed, model, limit, basins, weighting, gains)
 
     best = _clamped(attempt, attempt(model), observed)
     box = best.limit.box
@@ -146,18 +157,26 @@ def fit(
 def _clamped(
     attempt: Callable[[Model, Grid], Attempt], plain: Attempt, observed: Observed
 ) -> Attempt:
-    """The fit with LIGHT-12's clamp, where the images show it at some points and not at others."""
+    """The fit with LIGHT-12's clamp, where the images show it at some points and not at others.
+
+    Where the scale of the law is known the clamp is part of it, and only may begin elsewhere.
+    """
     minimum, likelihood = plain.minimum, plain.likelihood
-    model = with_clamp(minimum.problem.model)
+    gauge = minimum.problem.model.gauge
+    known = isinstance(gauge, PolynomialGauge) and gauge.clamped
+    model = minimum.problem.model if known else with_clamp(minimum.problem.model)
     if model is None or minimum.cost <= rounding(minimum.square, observed.dtype):
         return plain
-    if not may_show(minimum, observed):
+    if not known and not may_show(minimum, observed):
         return plain
     nearest, farthest = minimum.nearest, minimum.farthest
-    clamped = attempt(model, ceiling_grid(model, minimum.u, nearest, farthest))
+    assert isinstance(model.gauge, PolynomialGauge)
+    lobes = plain.limit.grid if known else minimum.u[: len(model.searched)].tolist()
+    clamped = attempt(model, ceiling_grid(model.gauge, nearest, farthest, lobes))
     within = clamped_within(clamped.minimum.problem.model, clamped.minimum.u)
-    partly = nearest < within < farthest
-    return clamped if partly and clamped.likelihood.bic + CLEAR < likelihood.bic else plain
+    shown = known or nearest < within < farthest
+    clear = 0.0 if known else CLEAR
+    return clamped if shown and clamped.likelihood.bic + clear < likelihood.bic else plain
 
 
 def _weighting(

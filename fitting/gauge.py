@@ -63,8 +63,6 @@ CONSTANTS: dict[type[AbstractAttenuation], tuple[str, ...]] = {
 
 THIRDS = 3
 """Steps along an edge of the triangle: its corners, its edges, its middle."""
-GAIN_NODES = tuple(np.geomspace(1e-3, 1e2, 6).tolist())
-"""Of f at the reference distance, where the scale is known."""
 CEILING_NODES = 16
 """Of the clamp, between f at the farthest and at the nearest point."""
 ABSORPTION_NODES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
@@ -145,7 +143,7 @@ class PolynomialGauge(AbstractGauge):
 
     @property
     def nodes(self) -> tuple[Node, ...]:
-        return _polynomial_nodes(self.size, (1.0,) if self.floating else GAIN_NODES)
+        return _polynomial_nodes(self.size)
 
     @property
     def middle(self) -> tuple[float, ...]:
@@ -195,9 +193,13 @@ class PolynomialGauge(AbstractGauge):
         return {f"reference.l{k}": float(l) for k, l in enumerate(v)}
 
     def ceiling_nodes(self, nearest: float, farthest: float) -> tuple[Node, ...]:
-        """A grid over laws whose clamp acts at some of the distances: at each law, where it begins."""
-        nodes = []
-        for number, law in _polynomial_nodes(self.size, (1.0,))[1:]:  # all but the law that is flat
+        """A grid over laws whose clamp acts at some of the distances: at each law, where it begins.
+
+        The first is the flat one, which is 1 everywhere.
+        """
+        (number, flat), *others = _polynomial_nodes(self.size)
+        nodes: list[Node] = [((*number, -1), flat)]
+        for number, law in others:
             ends = [_polynomial(law, d / float(self.distance)) for d in (nearest, farthest)]
             # The law q p(t) is 1, where the clamp begins, between the nearest and the farthest point.
             for c in range(CEILING_NODES):
@@ -311,12 +313,8 @@ def _polynomial(l: tuple[Any, ...], t: Any) -> Any:
 
 
 @cache
-def _polynomial_nodes(size: int, gains: tuple[float, ...]) -> tuple[Node, ...]:
-    """Thirds of the simplex of l, for each f at the reference distance; the flat law first."""
+def _polynomial_nodes(size: int) -> tuple[Node, ...]:
+    """Thirds of the simplex of l; the flat law first."""
     steps = np.indices((THIRDS + 1,) * size).reshape(size, -1).T[::-1]
     steps = steps[steps.sum(axis=1) == THIRDS]
-    return tuple(
-        ((*map(int, step), g), tuple((step / THIRDS / gain).tolist()))
-        for g, gain in enumerate(gains)
-        for step in steps
-    )
+    return tuple((tuple(map(int, step)), tuple((step / THIRDS).tolist())) for step in steps)

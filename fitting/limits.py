@@ -20,9 +20,7 @@ Bound = float | int | None
 Bounds = Mapping[str, tuple[Bound, Bound]]
 
 REFLECTED = (0.0, 1.0)
-"""Of k_a and k_d by default: a share of the light."""
-HIGHLIGHT = (0.0, None)
-"""Of k_s: a lobe is as bright as it is sharp, for its shape is not normalised."""
+"""Of k_a, k_d and k_s by default: a share of the light."""
 SHININESS = (0.1, 1e5)
 
 SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
@@ -119,7 +117,7 @@ def _column(
                 " channels: give one, or one a channel"
             )
         return np.broadcast_to(value, channel_count), np.broadcast_to(value, channel_count)
-    low, high = given.get(name, HIGHLIGHT if name.endswith(".ks") else REFLECTED)
+    low, high = given.get(name, REFLECTED)
     low = -np.inf if low is None else low
     high = np.inf if high is None else high
     if not low <= high:
@@ -145,12 +143,17 @@ def _grid(lobe_count: int, laws: tuple[Node, ...] | None) -> Grid:
     return _grid_of((SHININESS_NODES,) * lobe_count, chosen, laws or (((), ()),))
 
 
-def ceiling_grid(model: Model, u: Float[np.ndarray, "q"], nearest: float, farthest: float) -> Grid:
-    """Over attenuations whose clamp acts at some of the distances; the lobes stay at those of u."""
-    assert isinstance(model.gauge, PolynomialGauge)
-    count = len(model.searched)
-    laws = model.gauge.ceiling_nodes(nearest, farthest)
-    return _grid_of(tuple(u[j : j + 1] for j in range(count)), [(0,) * count], laws)
+def ceiling_grid(
+    gauge: PolynomialGauge, nearest: float, farthest: float, lobes: Grid | Sequence[float]
+) -> Grid:
+    """Over attenuations whose clamp acts at some of the distances: with the shapes of another grid, or
+    the lobes as they are.
+    """
+    laws = gauge.ceiling_nodes(nearest, farthest)
+    if isinstance(lobes, Grid):
+        only = _grid_of(lobes.shapes, [tuple(row) for row in lobes.chosen.tolist()], laws)
+        return only._replace(near_shapes=lobes.near_shapes)
+    return _grid_of(tuple(np.array([lobe]) for lobe in lobes), [(0,) * len(lobes)], laws)
 
 
 def _grid_of(

@@ -24,21 +24,23 @@ def bounded_least_squares(
     moment: Float[Array, "*N p"],
     lower: Float[Array, "*N p"],
     upper: Float[Array, "*N p"],
+    *,
+    nothing: float | None = None,
 ) -> tuple[Float[Array, "*N p"], Bool[Array, "*N p"]]:
     """The k that minimises k'Gk/2 - g'k within lower <= k <= upper, and which of its entries are free.
 
     G = A'A and g = A'y are the Gram matrix and the moment of least squares. p is small (one
     coefficient a term), so it is solved exactly, with no iteration and no start: in closed form, or
     else in each of the 3^p ways to hold entries at a bound, of which the best feasible one is taken.
-    An entry whose column is zero, or nothing beside the largest, is held at its lower bound, or at 0;
-    equal bounds hold an entry at their value.
+    An entry whose column is zero, or so little of the largest that it is `nothing` (by default the
+    precision), is held at its lower bound, or at 0; equal bounds hold an entry at their value.
     """
     xp, p = moment.__array_namespace__(), moment.shape[-1]
     if p == 0:
         return moment, moment < 0
     diagonal = xp.diagonal(gram, axis1=-2, axis2=-1)
-    eps = float(np.finfo(gram.dtype).eps)
-    seen = diagonal > eps**2 * xp.max(diagonal, axis=-1, keepdims=True)
+    share = float(np.finfo(gram.dtype).eps) if nothing is None else nothing
+    seen = diagonal > share**2 * xp.max(diagonal, axis=-1, keepdims=True)
     gram = xp.where(seen[..., None] & seen[..., None, :], gram, 0)
     rows, right = planes_of(gram), list(xp.unstack(xp.where(seen, moment, 0), axis=-1))
     low, high = (list(xp.unstack(edge, axis=-1)) for edge in (lower, upper))

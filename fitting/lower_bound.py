@@ -212,7 +212,7 @@ def _of_channel(
 
         def touch(weight: Array, _: None) -> tuple[Array, tuple[Array, Array]]:
             side = (moment + weight * h * ks) @ face
-            solved = bounded_least_squares(face.T @ inner @ face, side, low, high)[0]
+            solved, _ = bounded_least_squares(face.T @ inner @ face, side, low, high, nothing=0.0)
             lowest, rho, above = plane(face @ solved)
             return rho, (lowest, above)
 

@@ -23,7 +23,9 @@ SHARPEST = 200.0
 
 
 BROADEST = 2.0
-"""The least shininess of each of several lobes: what is broader is no highlight, but diffuse."""
+"""The least shininess of each of several lobes: what is broader is no highlight, but diffuse. And the
+sharper of two may be brighter at its peak than white.
+"""
 
 
 def named_material(model: str, *, ambient: bool) -> Material:
@@ -38,4 +40,6 @@ def named_material(model: str, *, ambient: bool) -> Material:
 
 def named_bounds(model: str) -> dict[str, tuple[float | None, float | None]]:
     """The bounds that a named model has beside those of every fit."""
-    return {"specular.shininess": (BROADEST, None)} if len(MODELS[model]) > 1 else {}
+    if len(MODELS[model]) < 2:
+        return {}
+    return {"specular.shininess": (BROADEST, None), "specular.ks": (0.0, None)}

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 from truths import draw
 
 import diffshade as ds
-from fitting.attempt import attempted
+from fitting.attempt import attempted, searched
 from fitting.inputs import match
 from fitting.limits import Bounds, Limits, limits
 from fitting.model import Model, default_material, shininess_names
@@ -37,11 +37,12 @@ class Case:
     ) -> "Case":
         """The fit of an image, all of `start` unknown but for what `hold` names in full."""
         names = shininess_names(start)
-        searched = tuple(j for j, name in enumerate(names) if name not in hold)
+        free = tuple(j for j, name in enumerate(names) if name not in hold)
         observed = Observed(match(image, GBUFFER, scene, None))
-        model = Model(material=start, searched=searched, channel_count=image.shape[2])
+        model = Model(material=start, searched=free, channel_count=image.shape[2])
         limit = limits(model, hold, start, bounds or {}, start_given=True)
-        found = attempted(observed, model, limit, None, gains=False, solver=None)
+        basins = searched(observed, model, limit, None, None)
+        found = attempted(observed, model, limit, basins, None, gains=False)
         return Case(image, scene, observed, limit, found.minimum)
 
 

@@ -321,7 +321,7 @@ def test_a_clamp_under_outliers() -> None:
 def test_the_grid_of_clamped_laws_begins_between_the_ends() -> None:
     """At every node 1/f is under 1 at the nearest distance and over 1 at the farthest."""
     gauge = PolynomialGauge(jnp.asarray(2.0), (None, None, None))
-    for _, law in gauge.ceiling_nodes(1.1, 5.0):
+    for _, law in gauge.ceiling_nodes(1.1, 5.0)[1:]:  # all but the flat one
         near, far = (sum(l * (d / 2.0) ** k for k, l in enumerate(law)) for d in (1.1, 5.0))
         assert near < 1 < far
 

@@ -11,7 +11,7 @@ from certified import GBUFFER, Case, case, dense_residual
 
 import diffshade as ds
 from diffshade.errors import BadInput
-from fitting.attempt import attempted
+from fitting.attempt import attempted, searched
 from fitting.certificate import Certificate, certify
 from fitting.gauge import PolynomialGauge
 from fitting.lower_bound import bound
@@ -176,7 +176,8 @@ def test_weights_are_those_of_the_solution(rng: np.random.Generator) -> None:
     drawn = Case.of(image, scene, LOBE)
     weighting = Weighting(robust=Tukey())
     model = drawn.minimum.problem.model
-    found = attempted(drawn.observed, model, drawn.limit, weighting, gains=False, solver=None)
+    basins = searched(drawn.observed, model, drawn.limit, weighting, None)
+    found = attempted(drawn.observed, model, drawn.limit, basins, weighting, gains=False)
     minimum = found.minimum
     np.testing.assert_allclose(np.exp(minimum.u[0]), 40, rtol=0.03)
     certificate = certify(drawn.observed, minimum, drawn.limit.box)
