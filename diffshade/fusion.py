@@ -1,14 +1,15 @@
 """How XLA is led to the fast program; the reasons stand here, the equations elsewhere.
 
-- The options of `compiler_options` let XLA use 512-bit vectors on a CPU that has them, which about halves
-  the time of shading. A `jit` that carries options cannot be nested in another, so `render` sets them only
-  when it is called outermost; whoever composes it passes them to the outermost `jit` of their own program:
+- The options of `compiler_options` let XLA use 512-bit vectors on a CPU that has them, which about
+  halves the time of shading. A `jit` that carries options cannot be nested in another, so `render` sets
+  them only when it is called outermost; whoever composes it passes them to the outermost `jit` of their
+  own program:
 
       jax.jit(step, compiler_options=ds.compiler_options())
 
-- A search is a program of hundreds of small kernels, whose compilation outlasts its run by a thousand times.
-  `search_options` asks for XLA's older way of writing kernels, while it has one (before 0.12): it compiles
-  such a program in half the time, and small linear systems run up to five times as fast.
+- A search is a program of hundreds of small kernels, whose compilation takes a thousand times as long
+  as its run. `search_options` asks for XLA's older way of writing kernels, while it has one (before
+  0.12): such a program compiles in half the time, and small linear systems run up to five times as fast.
 - Shading and the scatter into an image are two programs when `render` is outermost. In one, XLA would
   fuse the shading into the scatter, and compute it again, point by point, for every channel.
 - Planes, not [..., 3] arrays: see `vector`. Many lights in chunks: see `shading.lights`.

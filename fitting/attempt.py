@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Any
 
 import jax
 import numpy as np
 
 from diffshade.fusion import search_options
+from diffshade.kept import Kept
 from fitting.likelihood import Likelihood, rounding
 from fitting.limits import Limits
 from fitting.model import Model
@@ -86,8 +88,19 @@ def attempted(
     return Attempt(limit, best, tuple(minima[1:]), likelihood, steps)
 
 
+def _searched(*arguments: Any) -> tuple[Any, ...]:
+    """`search` as a tuple."""
+    found = search(*arguments)
+    return found.u, found.k, found.cost, found.converged, found.steps
+
+
+_search = Kept(_searched, search_options)
+
+
 @cache
 def _program(solver: Solver | None) -> Callable[..., Basins]:
+    if solver is None:
+        return lambda *arguments: Basins(*_search(*arguments))
     return jax.jit(partial(search, solver=solver), compiler_options=search_options())
 
 

@@ -8,7 +8,7 @@ steps: processors of one kind are asked for.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, wraps
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -20,6 +20,7 @@ from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Float, PyTree
 
 from diffshade.fusion import search_options
+from diffshade.kept import Kept
 from fitting.arrays import Array
 from fitting.columns import Photo, Scenery, photos, scenery
 from fitting.devices import AXIS, place
@@ -120,8 +121,12 @@ def _merged(add: Any, so_far: Any, new: Any) -> Any:
 def _program(function: Summed, mesh: Mesh | None) -> Callable[..., Any]:
     """A function of a page in float64, compiled for the platform."""
 
+    @wraps(function)
     def in_float64(group: Group, *arguments: Any) -> tuple[PyTree, PyTree]:
         return function(*in_double((group, *arguments)))
+
+    if mesh is None:
+        return Kept(in_float64, search_options)
 
     def shared(group: Group, *arguments: Any) -> tuple[PyTree, PyTree]:
         def part(group: Group, *arguments: Any) -> tuple[PyTree, PyTree]:
@@ -132,7 +137,7 @@ def _program(function: Summed, mesh: Mesh | None) -> Callable[..., Any]:
         specs = (_specs(group), *(jax.tree.map(lambda _: whole, x) for x in arguments))
         return jax.shard_map(part, mesh=mesh, in_specs=specs, out_specs=whole)(group, *arguments)
 
-    return jax.jit(in_float64 if mesh is None else shared, compiler_options=search_options())
+    return jax.jit(shared, compiler_options=search_options())
 
 
 def _specs(group: Group) -> Group:

@@ -1,0 +1,92 @@
+"""Programs that outlive a process: traced once, and kept beside what JAX keeps of their compilation.
+
+JAX's cache on disk spares a later process the compiler, but not the tracing, which for a long program
+takes longer than all else. Where that cache is switched on (`jax_compilation_cache_dir`), a kept program
+lies there too, as StableHLO (`jax.export`), under a digest of all that it came from: the source of its
+package, the versions of JAX, the precision, and the structure, shapes and types of its arguments.
+"""
+
+import hashlib
+import os
+import secrets
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import jax
+import jaxlib
+import numpy as np
+from jax import export
+
+__all__ = ["Kept"]
+
+FOLDER = "diffshade"
+
+
+class Kept:
+    """`jax.jit(function, compiler_options=options())`, of a function of arrays to tuples of arrays.
+
+    `function` is one of a module, where its name tells it apart from all others.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: Callable[[], Any]) -> None:
+        self.function, self.options = function, options
+        self._programs: dict[Any, Callable[[list[Any]], Any]] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        leaves, structure = jax.tree.flatten(arguments)
+        leaves = [x if hasattr(x, "dtype") else np.asarray(x) for x in leaves]
+        kinds = tuple((x.shape, x.dtype) for x in leaves)
+        key = structure, kinds, jax.config.jax_enable_x64
+        if key not in self._programs:
+            self._programs[key] = self._program(structure, leaves, repr(key))
+        return self._programs[key](leaves)
+
+    def _program(self, structure: Any, leaves: list[Any], key: str) -> Callable[[list[Any]], Any]:
+        def flat(leaves: list[Any]) -> Any:
+            return self.function(*jax.tree.unflatten(structure, leaves))
+
+        folder = jax.config.jax_compilation_cache_dir
+        if not folder:
+            return jax.jit(flat, compiler_options=self.options())
+        name = f"{self.function.__module__}.{self.function.__qualname__}"
+        whole = "\n".join((name, key, jax.default_backend(), _origin(name.partition(".")[0])))
+        path = Path(folder) / FOLDER / hashlib.blake2b(whole.encode(), digest_size=16).hexdigest()
+        kept = _read(path)
+        if kept is None:
+            kept = export.export(jax.jit(flat))(leaves)
+            _write(path, kept.serialize())
+        return jax.jit(kept.call, compiler_options=self.options())
+
+
+def _read(path: Path) -> export.Exported | None:
+    """What is kept there; None where nothing is that can be read."""
+    try:
+        return export.deserialize(bytearray(path.read_bytes()))
+    except Exception:
+        return None
+
+
+def _write(path: Path, content: bytearray) -> None:
+    """Whole or not at all; a folder that cannot be written to keeps nothing."""
+    temporary = path.with_name(f".{path.name}-{secrets.token_hex(8)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+
+
+@cache
+def _origin(package: str) -> str:
+    """The versions of JAX, and a digest of the source of a package and this one."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name in sorted({package, __name__.partition(".")[0]}):
+        folder = Path(str(import_module(name).__file__)).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{name} {file.relative_to(folder)}\n".encode())
+            digest.update(file.read_bytes())
+    return f"{jax.__version__} {jaxlib.__version__} {digest.hexdigest()}"
