@@ -9,7 +9,9 @@ import operator
 from collections.abc import Sequence
 from functools import reduce
 
+import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Bool, Float
 
 from fitting.arrays import Array
@@ -21,6 +23,16 @@ Mask = Bool[Array, "..."]
 Vector = list[Plane]
 Matrix = list[Vector]
 Interval = tuple[float | Plane, float | Plane]
+
+
+def _where(condition: Mask, a: Plane | float, b: Plane | float) -> Plane:
+    """`where` of planes of one shape, or numbers: JAX's own takes several times as long to trace."""
+    if isinstance(condition, (np.ndarray, np.generic)):
+        return np.where(condition, a, b)
+    like = next(x for x in (a, b) if not isinstance(x, float))
+    a, b = (lax.full_like(like, x) if isinstance(x, float) else x for x in (a, b))
+    shape = np.broadcast_shapes(condition.shape, a.shape, b.shape)
+    return lax.select(*(jnp.broadcast_to(x, shape) for x in (condition, a, b)))
 
 
 def solve(matrix: Matrix, right: Vector, free: Sequence[Mask] | None = None) -> Vector:
@@ -35,7 +47,7 @@ def solve(matrix: Matrix, right: Vector, free: Sequence[Mask] | None = None) -> 
         independent = m[j][j] > rounding(matrix[j][j])
         if free is not None:
             independent = independent & free[j]
-        inverse.append(xp.where(independent, 1 / xp.where(independent, m[j][j], 1), 0))
+        inverse.append(_where(independent, 1 / _where(independent, m[j][j], 1.0), 0.0))
         for i in range(j + 1, size):
             share = m[i][j] * inverse[j]
             for k in range(j + 1, size):
@@ -63,7 +75,7 @@ def own_share(matrix: Matrix, index: int) -> Plane:
     across = [matrix[i][index] for i in others]
     explained = solve([[matrix[i][j] for j in others] for i in others], across)
     left = own - sum(a * x for a, x in zip(across, explained, strict=True))
-    return left.__array_namespace__().where(left > rounding(own), left, 0)
+    return _where(left > rounding(own), left, 0.0)
 
 
 def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple[Vector, Plane]:
@@ -83,7 +95,7 @@ def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple
     beyond = [x != y for x, y in zip(best, within, strict=True)]
     if isinstance(best[0], np.ndarray) and not np.any(beyond):
         return best, objective(matrix, moment, best)
-    least = xp.where(reduce(operator.or_, beyond), xp.inf, objective(matrix, moment, best))
+    least = _where(reduce(operator.or_, beyond), np.inf, objective(matrix, moment, best))
     for i, (edge, tried) in enumerate(zip(within, beyond, strict=True)):
         others = [j for j in range(len(moment)) if j != i]
         inner = [[matrix[a][b] for b in others] for a in others]
@@ -91,9 +103,9 @@ def bounded(matrix: Matrix, moment: Vector, bounds: Sequence[Interval]) -> tuple
         k, value = bounded(inner, right, [bounds[j] for j in others])
         value = value + edge * (0.5 * matrix[i][i] * edge - moment[i])
         better = tried & (value < least)
-        least = xp.where(better, value, least)
+        least = _where(better, value, least)
         k.insert(i, edge)
-        best = [xp.where(better, new, old) for new, old in zip(k, best, strict=True)]
+        best = [_where(better, new, old) for new, old in zip(k, best, strict=True)]
     return best, least
 
 
