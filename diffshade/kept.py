@@ -39,7 +39,7 @@ class Kept:
         leaves, structure = jax.tree.flatten(arguments)
         leaves = [x if hasattr(x, "dtype") else np.asarray(x) for x in leaves]
         kinds = tuple((x.shape, x.dtype) for x in leaves)
-        key = structure, kinds, jax.config.jax_enable_x64
+        key = structure, kinds, jax.config.jax_enable_x64  # type: ignore[attr-defined]
         if key not in self._programs:
             self._programs[key] = self._program(structure, leaves, repr(key))
         return self._programs[key](leaves)
@@ -48,7 +48,7 @@ class Kept:
         def flat(leaves: list[Any]) -> Any:
             return self.function(*jax.tree.unflatten(structure, leaves))
 
-        folder = jax.config.jax_compilation_cache_dir
+        folder = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
         if not folder:
             return jax.jit(flat, compiler_options=self.options())
         name = f"{self.function.__module__}.{self.function.__qualname__}"

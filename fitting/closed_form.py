@@ -40,7 +40,7 @@ def solve(matrix: Matrix, right: Vector, free: Sequence[Mask] | None = None) -> 
 
     Gauss's elimination. An unknown whose column depends on those before it within rounding gets 0.
     """
-    xp, size = right[0].__array_namespace__(), len(right)
+    size = len(right)
     m, b = [list(row) for row in matrix], list(right)
     inverse = []
     for j in range(size):

@@ -4,6 +4,8 @@ A node is a choice of the lobes' shapes with a law of attenuation. For each law 
 columns of all shapes, and every node picks its own from it.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jax import lax
@@ -62,7 +64,8 @@ def _rows(model: Model, grid: Grid) -> Int[Array, "N r"]:
     """Where in the Gram matrix of `_every_shape` each node has its columns, and what was observed."""
     lobes = _searched(model)
     others = [i for i in range(model.column_count) if i not in lobes]
-    first, rows = len(others), {i: jnp.full(len(grid.chosen), r) for r, i in enumerate(others)}
+    first = len(others)
+    rows: dict[int, Any] = {i: jnp.full(len(grid.chosen), r) for r, i in enumerate(others)}
     for j, (column, shapes) in enumerate(zip(lobes, grid.shapes, strict=True)):
         rows[column] = first + grid.chosen[:, j]
         first += len(shapes)

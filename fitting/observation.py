@@ -193,8 +193,9 @@ def stacks(
 def _stack(photographs: list[Photograph], fitted_law: bool) -> Stack:
     gbuffer, points = photographs[0].gbuffer, None
     at = slice(0, gbuffer.pixel_count) if gbuffer.index is None else np.asarray(gbuffer.index)
-    masks = [photograph.used(at) for photograph in photographs]
-    if all(mask is not None for mask in masks):
+    each = [photograph.used(at) for photograph in photographs]
+    masks = [mask for mask in each if mask is not None]
+    if len(masks) == len(each):
         anywhere = np.logical_or.reduce(masks)
         if not anywhere.all():  # where none is used, one stands for it that does not count
             points = (

@@ -26,11 +26,12 @@ import optimistix as optx
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from diffshade.fusion import stored
 from diffshade.reflectance.lobe import AbstractLobe
 from fitting.closed_form import bounded, own_share, rounding, solve
 from fitting.solver import BoundedLevenbergMarquardt
 
-__all__ = ["PixelFit", "PixelProblem", "Settings", "fit_pixels"]
+__all__ = ["CHUNK", "PixelFit", "PixelProblem", "Settings", "fit_pixels"]
 
 NODES = 16
 SHARPEST_NODE = 3000.0
@@ -50,19 +51,17 @@ Observations = Float[Array, "K *P"]
 State = tuple[Plane, Plane, Plane, Plane]
 
 
+CHUNK = 240
+"""Pixels at one time: with fewer the overhead of each operation shows, with more the cache is too small.
+Not a power of two: the rows of such a plane would have one place in the cache."""
+
+
 class Settings(NamedTuple):
     """Bounds of the linear coefficients and of log n, and how many steps (None: to convergence)."""
 
     bounds: tuple[tuple[float, float], ...]
     log_shininess: tuple[float, float]
     steps: int | None
-
-    @property
-    def chunk(self) -> int:
-        """Pixels a chunk: with fewer the overhead of each operation shows, with more the cache is too
-        small, or Optimistix waits too long for the slowest.
-        """
-        return 256 if self.steps is None else 1024
 
 
 class PixelProblem(eqx.Module):
@@ -80,17 +79,20 @@ class PixelProblem(eqx.Module):
     arriving: tuple[tuple[Observations, ...], ...]  # G, L
     angles: tuple[Observations, ...]  # L
 
-    def lobes(self, u: Float[Array, "..."]) -> tuple[list[Observations], list[Observations]]:
-        """The specular column s at log n = u, a number or a plane, and its derivative; G planes each."""
+    def lobe_at(self, u: Float[Array, "..."]) -> list[Observations]:
+        """The specular column s at log n = u, a number or a plane: G planes."""
+        return stored(self._lobe, u)
 
-        def shapes(u: Float[Array, "..."]) -> list[Observations]:
-            # One for all channels, and where there is one a pixel, for all its observations.
-            shininess = jnp.exp(u)[None] if u.ndim == 0 else jnp.exp(u)[None, None]
-            lobe = eqx.tree_at(lambda l: l.shininess, self.lobe, shininess)
-            return [lobe.at(angles)[0] for angles in self.angles]
+    def lobe_and_slope(self, u: Plane) -> tuple[list[Observations], list[Observations]]:
+        """The specular column, and its derivative in u."""
+        return stored(lambda u: jax.jvp(self._lobe, (u,), (jnp.ones_like(u),)), u)
 
-        values, slopes = jax.jvp(shapes, (u,), (jnp.ones_like(u),))
-        return [_dot(a, values) for a in self.arriving], [_dot(a, slopes) for a in self.arriving]
+    def _lobe(self, u: Float[Array, "..."]) -> list[Observations]:
+        # One for all channels, and where there is one a pixel, for all its observations.
+        shininess = jnp.exp(u)[None] if u.ndim == 0 else jnp.exp(u)[None, None]
+        lobe = eqx.tree_at(lambda l: l.shininess, self.lobe, shininess)
+        values = [lobe.at(angles)[0] for angles in self.angles]
+        return [_dot(a, values) for a in self.arriving]
 
 
 class Linear(NamedTuple):
@@ -152,9 +154,8 @@ def _linear(problem: PixelProblem, settings: Settings, s: list[Observations]) ->
     for c, y in enumerate(problem.observed):
         g = c if len(bases) > 1 else 0
         columns, gram = bases[g], grams[g]
-        k, _ = bounded(gram, [_sum(column, y) for column in columns], settings.bounds)
-        # Without the barrier XLA computes k again for every observation.
-        k = lax.optimization_barrier(k)
+        moment = [_sum(column, y) for column in columns]
+        k, _ = stored(lambda g, m: bounded(g, m, settings.bounds), gram, moment)
         left = y
         for column, k_i in zip(columns, k, strict=True):
             left = left - k_i[None] * column
@@ -173,10 +174,11 @@ def _best_node(problem: PixelProblem, settings: Settings) -> Plane:
         best: tuple[Plane, Plane], node: Float[Array, ""]
     ) -> tuple[tuple[Plane, Plane], None]:
         least, u = best
-        s, _ = problem.lobes(node)
+        s = problem.lobe_at(node)
         costs = []
         for c, y in enumerate(problem.observed):
-            columns = [*problem.plain[c if len(s) > 1 else 0], s[c if len(s) > 1 else 0]]
+            g = c if len(s) > 1 else 0
+            columns = [*problem.plain[g], s[g]]
             moment = [_sum(column, y) for column in columns]
             costs.append(bounded(_gram(columns), moment, settings.bounds)[1])
         cost = _total(costs)
@@ -190,16 +192,21 @@ def _best_node(problem: PixelProblem, settings: Settings) -> Plane:
 
 def _project(problem: PixelProblem, settings: Settings, u: Plane) -> Projected:
     """The linear coefficients eliminated at u."""
-    s, slopes = problem.lobes(u)
+    s, slopes = problem.lobe_and_slope(u)
     ks, costs, gradients, curvatures = [], [], [], []
     for c, (columns, gram, k, left) in enumerate(_linear(problem, settings, s)):
         slope = slopes[c if len(slopes) > 1 else 0]
         free = [(low < x) & (x < high) for x, (low, high) in zip(k, settings.bounds, strict=True)]
         # What rounding left of the columns in the residual: k refined once against it.
         side = [_sum(column, left) for column in columns]
-        change = solve(gram, side, free)
         across = [_sum(column, slope) for column in columns]
-        explained = solve(gram, across, free)
+        change, explained = stored(
+            lambda gram, free, *rights: [solve(gram, right, free) for right in rights],
+            gram,
+            free,
+            side,
+            across,
+        )
         square = _sum(slope, slope)
         curvature = square - _dot(explained, across)
         # Where the other columns explain the slope within rounding, this channel does not tell u.
@@ -268,7 +275,7 @@ def _by_optimistix(problem: PixelProblem, settings: Settings, u: Array) -> Array
 def _with_errors(problem: PixelProblem, settings: Settings, u: Plane) -> PixelFit:
     """k at u, and the Cramer-Rao errors for noise 1, bounds left aside."""
     at = _project(problem, settings, u)
-    s, slopes = problem.lobes(u)
+    s, slopes = problem.lobe_and_slope(u)
     p = len(settings.bounds)
     full, unknowns = [], []
     for c, k in enumerate(at.k):

@@ -1,10 +1,13 @@
 """A block of pixels under all lights, fitted chunk by chunk.
 
 A block is what is on the device at one time; a chunk is what a processor's cache holds. Directions,
-attenuation and basis are computed within a chunk, so that nothing of the size of all images is.
+attenuation and basis are computed within a chunk, so that nothing of the size of all images is. A loop
+over chunks runs on one processor: each has a share of them, in a thread of its own.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -79,9 +82,47 @@ def _ambient(scenes: Sequence[Scene]) -> np.ndarray | None:
 
 def fit_block(
     block: Block, lamps: Lamps, viewer: AbstractViewer, material: Material, settings: Settings
-) -> PixelFit:
-    """The fits of a block's pixels, [n, ..., P]; one program for all blocks of a size."""
-    return _program()(block, lamps, viewer, material, settings)
+) -> Callable[[], PixelFit]:
+    """Begin the fits of a block's pixels; what is returned waits for them, [n, ..., P].
+
+    One program serves all blocks of a size.
+    """
+    pool, workers = _workers()
+    count = len(block.weight)
+    length = -(-count // workers)
+    double = jax.config.jax_enable_x64  # type: ignore[attr-defined]  # of this thread alone, maybe
+
+    def fit_share(first: int) -> PixelFit:
+        def mine(planes: np.ndarray) -> np.ndarray:
+            own = planes[first : first + length]
+            # The last may be short, and is filled up with its own chunks.
+            return own if len(own) == length else np.resize(own, (length, *own.shape[1:]))
+
+        share = jax.tree.map(mine, block)
+        with jax.enable_x64(double):
+            return jax.device_get(_program()(share, lamps, viewer, material, settings))
+
+    running = [pool.submit(fit_share, first) for first in range(0, count, length)]
+
+    def wait() -> PixelFit:
+        found = [future.result() for future in running]
+        return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *found)
+
+    return wait
+
+
+@cache
+def _workers() -> tuple[ThreadPoolExecutor, int]:
+    """A thread for each processor; one where another device does the work."""
+    count = _processors() if jax.default_backend() == "cpu" else 1
+    return ThreadPoolExecutor(count, thread_name_prefix="fit_maps"), count
+
+
+def _processors() -> int:
+    """Those that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @cache

@@ -15,7 +15,7 @@ from fitting.limits import REFLECTED, SHININESS, Bounds
 from fitting.map_planes import MapPlanes, map_names
 from fitting.model import full_names
 from fitting.observation import in_precision
-from fitting.pixel import PixelFit, Settings
+from fitting.pixel import CHUNK, PixelFit, Settings
 from fitting.pixel_block import Block, fit_block, lamps
 
 __all__ = ["PixelWork", "settings"]
@@ -36,7 +36,7 @@ class PixelWork:
         self.dtype = self.gbuffer.normal.x.dtype
         self.photographs, self.settings, self.brightest = photographs, settings, brightest
         count = self.gbuffer.pixel_count
-        self.length = -(-min(block, count) // settings.chunk) * settings.chunk
+        self.length = -(-min(block, count) // CHUNK) * CHUNK
         self.pixels = [
             np.arange(i, min(i + self.length, count)) for i in range(0, count, self.length)
         ]
@@ -55,7 +55,7 @@ class PixelWork:
         where = self.at[padded]
 
         def chunks(planes: np.ndarray) -> np.ndarray:
-            cut = planes.reshape(*planes.shape[:-1], -1, self.settings.chunk)
+            cut = planes.reshape(*planes.shape[:-1], -1, CHUNK)
             return np.ascontiguousarray(np.moveaxis(cut, -2, 0))
 
         def joined(cut: np.ndarray) -> np.ndarray:
@@ -71,14 +71,14 @@ class PixelWork:
             weight[k] = real if used is None else used & real
         observed *= weight
         normal, position = jax.tree.map(lambda plane: chunks(plane[padded]), self.surface)
-        block = jax.device_put(Block(normal, position, chunks(observed), chunks(weight)))
+        block = Block(normal, position, chunks(observed), chunks(weight))
         running = fit_block(block, self.lamps, self.viewer, self.material, self.settings)
         n = len(pixels)
         count = channel_count * weight.sum(0)[:n]
         square = np.einsum("ckp,ckp->p", observed, observed, dtype=float)[:n]
 
         def wait() -> MapPlanes:
-            found = jax.tree.map(lambda x: joined(x)[..., :n], jax.device_get(running))
+            found = jax.tree.map(lambda x: joined(x)[..., :n], running())
             return _judged(found, count, square, self.brightest)
 
         return wait

@@ -101,7 +101,8 @@ def search(
 
     found = lax.while_loop(unfinished, followed, (zero, zero, nothing))[2]
     order = jnp.argsort(found.cost)
-    return Basins(*(x[order] for x in (found.u, found.k, found.cost, found.converged)), found.steps)
+    u, k, cost, converged = (x[order] for x in (found.u, found.k, found.cost, found.converged))
+    return Basins(u, k, cost, converged, found.steps)
 
 
 def tolerance(dtype: jnp.dtype) -> float:
@@ -146,7 +147,7 @@ def descend(
     small = tolerance(u.dtype)
     ours = BoundedLevenbergMarquardt(small, small, lower, upper, damping=damping)
     solution: Any = optx.least_squares(
-        residual,  # type: ignore[arg-type]
+        residual,
         ours if solver is None else solver,
         y,
         has_aux=True,

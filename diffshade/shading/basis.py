@@ -54,9 +54,10 @@ def of_light_sums(
 ) -> Basis:
     """The basis from the sums over the lights, the ambient light and the object colours."""
     diffuse, specular = sums
-    absent = material.ka is None or ambient is None
+    if material.ka is None:
+        ambient = None
     return Basis(
-        ambient=_coloured(None if absent else channels(ambient), material.od),
+        ambient=_coloured(None if ambient is None else channels(ambient), material.od),
         diffuse=_coloured(diffuse, material.od),
         specular=tuple(_coloured(shape, material.os) for shape in specular),
     )

@@ -10,6 +10,7 @@ import pytest
 import diffshade as ds
 import fitting
 from fitting import pixel_maps, region_maps
+from fitting.pixel import CHUNK
 from fitting.pixel_block import _program
 
 SIZE = 40
@@ -272,7 +273,7 @@ def test_an_interrupt_loses_no_finished_block(
 ) -> None:
     lit = scenes(8)
     images = rendered(lit, truth(rng))
-    folder, block = tmp_path / "maps", 256 if steps is None else 1024
+    folder, block = tmp_path / "maps", 2 * CHUNK
     count = -(-PIXELS // block)
     assert count >= 2
 
@@ -348,6 +349,17 @@ def test_all_blocks_share_one_program(rng: np.random.Generator) -> None:
     brighter = [image * 1.01 for image in images]
     fitting.fit_maps(brighter, GBUFFER, scenes(8, seed=2), steps=7, block=512)
     assert _program()._cache_size() == before
+
+
+def test_threads_keep_the_precision_of_their_caller(rng: np.random.Generator) -> None:
+    for double in (False, True):
+        with jax.enable_x64(double):
+            lit = scenes(8)
+            sphere = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(16, 16, 2.2))
+            material = ds.Material(kd=0.5, specular=ds.Phong(0.3, 10.0))
+            images = [np.asarray(ds.render(sphere, scene, material)) for scene in lit]
+            maps = fitting.fit_maps(images, sphere, lit, steps=8)
+        assert maps.coefficients[N].dtype == (np.float64 if double else np.float32)
 
 
 def test_bad_input_is_refused_in_one_line(rng: np.random.Generator) -> None:
