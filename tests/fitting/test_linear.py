@@ -45,3 +45,15 @@ def test_equal_bounds_hold() -> None:
     k, _ = bounded_least_squares(jnp.asarray(a.T @ a), jnp.asarray(a.T @ y), lower, upper)
     rest = np.linalg.lstsq(a[:, 1:], y - 0.7 * a[:, 0], rcond=None)[0]
     np.testing.assert_allclose(k, (0.7, rest[0]), rtol=1e-10)
+
+
+def test_a_column_that_is_nothing_rests() -> None:
+    """So little of the largest that it is the other columns' rounding: held, not divided by."""
+    gram, moment = np.diag([1.0, 1e-18]), np.array([0.5, 1e-18])
+    lower, upper = np.zeros(2), np.full(2, np.inf)
+    k, free = bounded_least_squares(gram, moment, lower, upper, nothing=1e-6)
+    np.testing.assert_array_equal(k, [0.5, 0])
+    np.testing.assert_array_equal(free, [True, False])
+    k, free = bounded_least_squares(gram, moment, lower, upper)
+    np.testing.assert_allclose(k, [0.5, 1])
+    assert free.all()
