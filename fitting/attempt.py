@@ -10,14 +10,15 @@ import numpy as np
 
 from diffshade.fusion import search_options
 from diffshade.kept import Kept
+from fitting.basins import APART, Basins, Box, Solver
 from fitting.likelihood import Likelihood, rounding
-from fitting.limits import Limits
+from fitting.limits import Grid, Limits
 from fitting.model import Model
+from fitting.observation import Group
 from fitting.observed import Observed
 from fitting.outliers import without_outliers
 from fitting.polish import Minimum, polish
 from fitting.project import Problem
-from fitting.search import APART, Basins, Solver, search
 from fitting.weights import Weighting
 
 __all__ = ["Attempt", "attempted", "searched"]
@@ -88,9 +89,17 @@ def attempted(
     return Attempt(limit, best, tuple(minima[1:]), likelihood, steps)
 
 
-def _searched(*arguments: Any) -> tuple[Any, ...]:
-    """`search` as a tuple."""
-    found = search(*arguments)
+def _searched(
+    problem: Problem,
+    groups: tuple[Group, ...],
+    grid: Grid,
+    box: Box,
+    solver: Solver | None = None,
+) -> tuple[Any, ...]:
+    """`search` as a tuple; imported where it is traced, and not before."""
+    from fitting.search import search
+
+    found = search(problem, groups, grid, box, solver)
     return found.u, found.k, found.cost, found.converged, found.steps
 
 
@@ -99,9 +108,9 @@ _search = Kept(_searched, search_options)
 
 @cache
 def _program(solver: Solver | None) -> Callable[..., Basins]:
-    if solver is None:
-        return lambda *arguments: Basins(*_search(*arguments))
-    return jax.jit(partial(search, solver=solver), compiler_options=search_options())
+    of_solver = partial(_searched, solver=solver)
+    program = _search if solver is None else jax.jit(of_solver, compiler_options=search_options())
+    return lambda *arguments: Basins(*program(*arguments))
 
 
 def _worth(basins: Basins) -> list[int]:

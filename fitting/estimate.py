@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import optimistix as optx
 
 from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
@@ -14,6 +13,7 @@ from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt, attempted, searched
+from fitting.basins import Solver
 from fitting.certificate import certify as prove
 from fitting.clamp import CLEAR, may_show, with_clamp
 from fitting.devices import Devices, check_same_input, mesh_over
@@ -48,7 +48,7 @@ def fit(
     gains: bool = False,
     certify: bool = False,
     profiles: bool = False,
-    solver: optx.AbstractLeastSquaresSolver | None = None,
+    solver: Solver | None = None,
     devices: Devices = None,
 ) -> Fit:
     """Recover a material's coefficients from one or many images of known surfaces and lights.

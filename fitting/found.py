@@ -14,6 +14,7 @@ from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt
+from fitting.basins import APART
 from fitting.certificate import Certificate
 from fitting.degeneracies import Seen, highlight_depths
 from fitting.distances import share_nearer
@@ -23,7 +24,6 @@ from fitting.observed import Observed
 from fitting.profile import Profile
 from fitting.recovered import Recovery, clamped_within
 from fitting.residual import Evaluation, ImageResidual, evaluation, measure, ratio
-from fitting.search import APART
 from fitting.suspects import SuspectImage, suspects
 from fitting.uncertainty import Uncertainty, propagate
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.basins import Basins
 from fitting.gauge import PolynomialGauge
 from fitting.limits import Limits
 from fitting.model import Model
-from fitting.search import Basins
 
 __all__ = ["scaled", "unscaled"]
 

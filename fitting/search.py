@@ -10,9 +10,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import optimistix as optx
 from jax import lax
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from fitting.arrays import Array
+from fitting.basins import Basins, Box, Solver
 from fitting.coarse import minima
 from fitting.columns import Blocks, Images, images_of
 from fitting.limits import Grid
@@ -27,31 +28,13 @@ from fitting.project import (
 )
 from fitting.solver import BoundedLevenbergMarquardt
 
-__all__ = ["APART", "Basins", "Box", "Solver", "descend", "search", "tolerance"]
+__all__ = ["descend", "search", "tolerance"]
 
 COARSE = 512
 """Points of the sample that are enough to judge the grid by."""
 BASINS = 3
-APART = 0.02
-"""Of u: minima that are no further from each other are one."""
 MAX_STEPS = 24
 AGAIN = 3
-
-Solver = optx.AbstractLeastSquaresSolver
-Box = tuple[Float[Array, "q"], Float[Array, "q"]]
-
-
-class Basins(eqx.Module):
-    """Where the descents ended, the lowest first, and what is left there of the sample.
-
-    Of those that are none, because the grid had fewer minima, the cost is infinite.
-    """
-
-    u: Float[Array, "M q"]
-    k: Float[Array, "M C p"]
-    cost: Float[Array, "M"]
-    converged: Bool[Array, "M"]
-    steps: Int[Array, ""]
 
 
 def search(
