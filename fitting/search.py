@@ -7,6 +7,7 @@ on all pixels, and a second one that is as good as the first is to be known. All
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jax import lax
@@ -108,6 +109,7 @@ def descend(
     problem = eqx.tree_at(lambda p: p.model, problem, model, is_leaf=lambda x: x is None)
     lower, upper = (model.coordinates(edge) for edge in box)
 
+    @jax.jit  # one equation to Optimistix, which would else trace and differentiate each, in vain
     def at(y: Float[Array, "m"]) -> tuple[Array, Array, tuple[Array, Array]]:
         u = model.whole(y)
         k, _ = best_linear(problem, images.sum(lambda image: observed_gram(model, u, image)))
