@@ -21,8 +21,6 @@ from benchmarks.fit_truths import Ball, Truth
 from benchmarks.plain_phong import Terms, jacobian, predict, terms
 
 __all__ = [
-    "BY_HAND",
-    "BY_JAX",
     "GUESS",
     "Rival",
     "adam",
@@ -42,12 +40,9 @@ LOWER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 UPPER = np.array([1.0, 1.0, 1.0, 2000.0, 10.0, 10.0])
 ADAM_STEPS = 500
 
-Jacobian = Callable[[Array, Terms], Array]
-BY_HAND: Jacobian = jacobian
-BY_JAX: Jacobian = jax.jacfwd(predict)
-"""As most would have it, and as `fitting.fit` has its own: by differentiating the model."""
-
 _predict = jax.jit(predict)
+_jacobian = jax.jit(jacobian)
+_columns = jax.jit(lambda x, at: jacobian(x, at).T)
 
 
 def random_start(rng: np.random.Generator) -> np.ndarray:
@@ -68,49 +63,40 @@ def _data(image: np.ndarray, ball: Ball, truth: Truth, dtype: Any) -> tuple[Term
     return terms(*planes, *lights), image[ball.inside][:, 0].astype(dtype)
 
 
-def scipy_trf(derivative: Jacobian) -> Rival:
+def scipy_trf(image: np.ndarray, ball: Ball, truth: Truth, start: np.ndarray) -> np.ndarray:
     """`scipy.optimize.least_squares`, trust region reflective, under bounds."""
-    compiled = jax.jit(derivative)
-
-    def solve(image: np.ndarray, ball: Ball, truth: Truth, start: np.ndarray) -> np.ndarray:
-        with jax.enable_x64(True):
-            at, observed = _data(image, ball, truth, np.float64)
-            found = least_squares(
-                lambda x: np.asarray(_predict(x, at)) - observed,
-                np.clip(start, 1.001 * LOWER, 0.999 * UPPER),
-                jac=lambda x: np.asarray(compiled(x, at)),
-                bounds=(LOWER, UPPER),
-                method="trf",
-                x_scale="jac",
-            )
-        return found.x
-
-    return solve
+    with jax.enable_x64(True):
+        at, observed = _data(image, ball, truth, np.float64)
+        found = least_squares(
+            lambda x: np.asarray(_predict(x, at)) - observed,
+            np.clip(start, 1.001 * LOWER, 0.999 * UPPER),
+            jac=lambda x: np.asarray(_jacobian(x, at)),
+            bounds=(LOWER, UPPER),
+            method="trf",
+            x_scale="jac",
+        )
+    return found.x
 
 
-def lmfit_leastsq(derivative: Jacobian) -> Rival:
+def lmfit_leastsq(image: np.ndarray, ball: Ball, truth: Truth, start: np.ndarray) -> np.ndarray:
     """`lmfit.minimize` by MINPACK's Levenberg-Marquardt, under bounds."""
-    columns = jax.jit(lambda x, at: derivative(x, at).T)
+    with jax.enable_x64(True):
+        at, observed = _data(image, ball, truth, np.float64)
+        guess = lmfit.Parameters()
+        for name, value, low, high in zip(NAMES, start, LOWER, UPPER, strict=True):
+            guess.add(name, value=value, min=low, max=high)
 
-    def unknowns(parameters: Mapping[str, Any]) -> np.ndarray:
-        return np.array([parameters[name].value for name in NAMES])
+        def unknowns(parameters: Mapping[str, Any]) -> np.ndarray:
+            return np.array([parameters[name].value for name in NAMES])
 
-    def solve(image: np.ndarray, ball: Ball, truth: Truth, start: np.ndarray) -> np.ndarray:
-        with jax.enable_x64(True):
-            at, observed = _data(image, ball, truth, np.float64)
-            guess = lmfit.Parameters()
-            for name, value, low, high in zip(NAMES, start, LOWER, UPPER, strict=True):
-                guess.add(name, value=value, min=low, max=high)
-            found = lmfit.minimize(
-                lambda p: np.asarray(_predict(unknowns(p), at)) - observed,
-                guess,
-                method="leastsq",
-                Dfun=lambda p: np.asarray(columns(unknowns(p), at)),
-                col_deriv=True,  # as MINPACK stores it
-            )
-        return unknowns(found.params)
-
-    return solve
+        found = lmfit.minimize(
+            lambda p: np.asarray(_predict(unknowns(p), at)) - observed,
+            guess,
+            method="leastsq",
+            Dfun=lambda p: np.asarray(_columns(unknowns(p), at)),
+            col_deriv=True,  # as MINPACK stores it
+        )
+    return unknowns(found.params)
 
 
 def optimistix(image: np.ndarray, ball: Ball, truth: Truth, start: np.ndarray) -> np.ndarray:
