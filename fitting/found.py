@@ -256,6 +256,7 @@ class Fit:
             noise=float(judge.scale) if judge is not None and robust else None,
             gains=minimum.at.gains,
             rounding=float(np.finfo(self._dtype).eps),
+            image_pull=minimum.image_pull,
         )
 
 

@@ -7,7 +7,7 @@ taken anew at each step, and folded into it.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -31,6 +31,8 @@ MIN_ROUNDS, MAX_ROUNDS = 5, 60
 """Of weights and gains that follow the solution."""
 SLIGHT = 0.01
 """Of a standard error: a step that is no longer matters to nobody."""
+LEAST_SHARE = 0.2
+"""Of a step that overshoots."""
 SHORT = {np.dtype(np.float32): 3e-4, np.dtype(np.float64): 3e-6}
 """A step of y: what is left after it is its square, which is nothing in either precision."""
 
@@ -40,7 +42,8 @@ class Minimum:
     """The minimum over all pixels: u and k, and the fit around it, with what depends on what.
 
     `cost` is what is left of the `square` of all that was observed, `image_cost` and `squares` those
-    of each image in the order of the stacks. `nearest` and `farthest` are the distances of lit points
+    of each image in the order of the stacks, and `image_pull` where each would move k and y, for all
+    together to stay: J'r. `nearest` and `farthest` are the distances of lit points
     from point lights with an attenuation; `brightest` is the largest observation.
     """
 
@@ -49,6 +52,7 @@ class Minimum:
     k: Linear
     at: Linearised
     image_cost: Float[np.ndarray, "K"]
+    image_pull: Float[np.ndarray, "K n"]
     squares: Float[np.ndarray, "K"]
     nearest: float
     farthest: float
@@ -87,9 +91,29 @@ class _Place(NamedTuple):
 
     def image_cost(self, u: Unknowns, k: Linear) -> Float[np.ndarray, "K"]:
         """What is left of each image at u and k near by: the squares of a linear model's residuals."""
+        change = self._change(u, k)
+        return np.maximum(np.einsum("ci,kcij,cj->k", change, self.sums.each, change), 0)
+
+    def image_pull(self, u: Unknowns, k: Linear) -> Float[np.ndarray, "K n"]:
+        """Minus half the gradient of what is left of each image, in k and then in y."""
+        pull = np.einsum("kcij,cj->kci", self.sums.each, self._change(u, k))[..., :-1]
+        p = k.shape[1]
+        of_y = self.problem.model.pushed(pull[..., p:].sum(axis=1))
+        return np.concatenate([pull[..., :p].reshape(len(pull), -1), of_y], axis=1)
+
+    def _change(self, u: Unknowns, k: Linear) -> Float[np.ndarray, "C n"]:
+        """By which the rows [A, dA/du k, r] make the residual at u and k."""
         change = np.ones((len(k), self.sums.each.shape[-1]))
         change[:, : k.shape[1]], change[:, k.shape[1] : -1] = self.k - k, self.u - u
-        return np.maximum(np.einsum("ci,kcij,cj->k", change, self.sums.each, change), 0)
+        return change
+
+
+class _Taken(NamedTuple):
+    """A step that was asked for, what was taken of it, and by which coordinates."""
+
+    dependent: Any
+    asked: Float[np.ndarray, "m"]
+    taken: Float[np.ndarray, "m"]
 
 
 def polish(
@@ -106,6 +130,7 @@ def polish(
     judge = None if weighting is None else Judge(weighting, u, k, np.ones(()), np.zeros(()))
     best: _Place | None = None
     damping, last = 0.0, False
+    taken: _Taken | None = None
     for step in range(MAX_ROUNDS if follows else MAX_STEPS):
         here = _summed(problem, observed, u, k, gains, judge)
         if best is None or follows or here.at.cost <= best.at.cost * (1 + 1e-12):
@@ -114,6 +139,8 @@ def polish(
             damping = max(10 * damping, 1e-3)
         dy = _step(best, observed, box, damping)
         last = _is_last(best, observed, dy) and (not follows or step >= MIN_ROUNDS)
+        if follows:
+            dy, taken = _relaxed(best, dy, taken)
         u, k = best.after(dy, box)
         if gains is not None:
             assert best.at.gains is not None
@@ -131,6 +158,7 @@ def polish(
         k=k,
         at=best.at,
         image_cost=left,
+        image_pull=best.image_pull(u, k),
         squares=sums.squares,
         nearest=sums.nearest,
         farthest=sums.farthest,
@@ -181,6 +209,21 @@ def _is_last(place: _Place, observed: Observed, dy: Float[np.ndarray, "m"]) -> b
     noise = float(place.at.cost) / max(observed.count, 1)
     enough = np.maximum(SHORT[observed.dtype], SLIGHT * np.sqrt(np.maximum(variance, 0) * noise))
     return bool(np.all(np.abs(dy[alive]) <= enough))
+
+
+def _relaxed(
+    place: _Place, dy: Float[np.ndarray, "m"], last: _Taken | None
+) -> tuple[Float[np.ndarray, "m"], _Taken]:
+    """The step, shortened where it goes back and forth: weights that follow it overshoot.
+
+    How much the step asked for has changed along the last one says where none would be asked for.
+    """
+    unit, share = np.sqrt(np.maximum(np.diagonal(place.at.hessian), 0)), 1.0
+    if last is not None and last.dependent == place.problem.model.dependent:
+        along = last.taken * unit
+        change = ((dy - last.asked) * unit) @ along
+        share = float(np.clip(-(along @ along) / change, LEAST_SHARE, 1)) if change < 0 else 1.0
+    return share * dy, _Taken(place.problem.model.dependent, dy, share * dy)
 
 
 def _judged(

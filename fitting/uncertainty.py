@@ -11,6 +11,10 @@ is the squared error of the estimate; the variance of everything that is correla
 accordingly, between that of the unknown free (t = 0) and of the unknown held (t large). To hold it
 there outright would be too sure of the others where the truth lies just inside the bound: intervals
 said to cover 95 % would cover 84 % at a correlation of 0.95. So they cover 95 to 97.5 %.
+
+Where the model is not the whole truth (dirt, a lobe of another shape, normals a little off) the residual
+is no noise: pixels err together, and more of them help no more. Several images tell: where they disagree
+about a number by more than twice what noise would explain, its error is the one by which they disagree.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,6 +38,8 @@ Report = Callable[
 ]
 Interval = tuple[np.ndarray, np.ndarray]
 
+FEWEST, DISAGREE = 4, 2.0
+"""Images that can be compared; and the ratio to what noise explains from which on they disagree."""
 INFINITE = np.array([[-np.inf], [np.inf]])
 STEP, LEAST = 2.0**-17, 1e-3
 """By which an unknown is moved for a derivative: of it, or of this where it is less."""
@@ -105,6 +111,7 @@ def propagate(
     noise: float | None = None,
     gains: Gains | None = None,
     rounding: float | None = None,
+    image_pull: Float[np.ndarray, "K n"] | None = None,
 ) -> Uncertainty:
     """From the information matrix at the minimum to the errors of `report(k, y)`.
 
@@ -112,7 +119,8 @@ def propagate(
     and upper bounds of the same, infinite where there is none. `noise` is the standard deviation of
     an observation, by default that of the residual, sqrt(cost / degrees of freedom), whose own error
     the intervals allow for by Student's t. `gains`, where they are unknown too, are eliminated.
-    `rounding` is that of what was observed, by default that of k.
+    `rounding` is that of what was observed, by default that of k. `image_pull` is J'r of each image,
+    by which `_between_images` judges.
 
     `report` gives named arrays, of many k and y at once where these have leading axes. A name that
     ends in "shininess" has its interval on the logarithm, on which its estimate is nearer to normal.
@@ -141,6 +149,13 @@ def propagate(
     estimate = np.concatenate([np.ravel(value) for value in values.values()])
     reported = rows @ bounded @ rows.T * sigma**2
     error = np.sqrt(np.maximum(np.diagonal(reported), 0))
+    reach = np.full(len(error), quantile(degrees) if noise is None else NORMAL)
+    if image_pull is not None and len(image_pull) >= FEWEST:
+        scatter = _between_images(rows @ covariance, image_pull)
+        apart = ~blind & (scatter > DISAGREE * error)
+        wider = np.where(apart, scatter / np.where(apart, error, 1), 1)
+        reported, error = reported * np.outer(wider, wider), error * wider
+        reach = np.where(apart, quantile(len(image_pull) - 1.0), reach)
 
     logarithmic = np.concatenate(
         [np.full(value.size, name.endswith("shininess")) for name, value in values.items()]
@@ -152,7 +167,7 @@ def propagate(
         np.where(known, np.nan, np.sqrt(np.diagonal(covariance))),
         (lower - position, upper - position),
         pushed,
-        quantile(degrees) if noise is None else NORMAL,
+        reach,
     )
     with np.errstate(over="ignore"):  # no number is too large for an end of a hopeless interval
         intervals = [
@@ -181,6 +196,18 @@ def propagate(
         noise=sigma,
         degrees=degrees,
     )
+
+
+def _between_images(
+    influence: Float[np.ndarray, "m n"], pull: Float[np.ndarray, "K n"]
+) -> Float[np.ndarray, "m"]:
+    """The standard errors that the images themselves show: by how far each would move a number.
+
+    Each image counts as one observation of all, whatever its pixels have in common (Liang and
+    Zeger 1986).
+    """
+    count = len(pull)
+    return np.linalg.norm(influence @ pull.T, axis=1) * sqrt(count / (count - 1))
 
 
 def _derivatives(
@@ -280,7 +307,7 @@ def _offsets(
     spread: Float[np.ndarray, "n"],
     ends: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]],
     pushed: Mapping[int, tuple[float, float]],
-    reach: float,
+    reach: Float[np.ndarray, "m"],
 ) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]]:
     """Both ends of each number's interval, relative to its estimate: `reach` errors away from bounds.
 
