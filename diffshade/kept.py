@@ -3,27 +3,30 @@
 JAX's cache on disk spares a later process the compiler, but not the tracing, which for a long program
 takes longer than all else. Where that cache is switched on (`jax_compilation_cache_dir`), a kept program
 lies there too, as StableHLO (`jax.export`), under a digest of all that it came from: the source of its
-package, the versions of JAX, the precision, and the structure, shapes and types of its arguments.
+package, the versions of what traces it, the precision, and the structure, shapes and types of its
+arguments. A program that depends on a class of anybody else's is not kept.
 """
 
 import hashlib
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jax
-import jaxlib
 import numpy as np
 from jax import export
 
 __all__ = ["Kept"]
 
 FOLDER = "diffshade"
+KNOWN = {"builtins", "collections", "diffshade", "fitting", "jax", "numpy"}
+"""Packages whose classes are told by their names, their source or version being in the digest."""
 
 
 class Kept:
@@ -49,17 +52,53 @@ class Kept:
         def flat(leaves: list[Any]) -> Any:
             return self.function(*jax.tree.unflatten(structure, leaves))
 
-        folder = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-        if not folder:
+        folder = _folder(structure)
+        if folder is None:
             return jax.jit(flat, compiler_options=self.options())
         name = f"{self.function.__module__}.{self.function.__qualname__}"
-        whole = "\n".join((name, key, jax.default_backend(), _origin(name.partition(".")[0])))
-        path = Path(folder) / FOLDER / hashlib.blake2b(whole.encode(), digest_size=16).hexdigest()
+        precision = jax.config.jax_default_matmul_precision  # type: ignore[attr-defined]
+        classes = {f"{kind.__module__}.{kind.__qualname__}" for kind in _classes(structure)}
+        parts = (
+            name,
+            key,
+            *sorted(classes),
+            jax.default_backend(),
+            str(precision),
+            _origin(name.partition(".")[0]),
+        )
+        whole = "\n".join(parts)
+        path = folder / FOLDER / hashlib.blake2b(whole.encode(), digest_size=16).hexdigest()
         kept = _read(path)
         if kept is None:
             kept = export.export(jax.jit(flat))(leaves)
             _write(path, kept.serialize())
         return jax.jit(kept.call, compiler_options=self.options())
+
+
+def _folder(structure: Any) -> Path | None:
+    """Where programs are kept; None where JAX keeps none, or what they depend on is not told by name.
+
+    The class of an argument, a lobe, say, may be anybody's: its source is no part of the digest.
+    """
+    config: Any = jax.config
+    folder = config.jax_compilation_cache_dir
+    elsewhere = config.jax_default_device is not None
+    if not folder or not config.jax_enable_compilation_cache or elsewhere or "://" in folder:
+        return None
+    return Path(folder) if all(_is_known(x) for x in _classes(structure)) else None
+
+
+def _classes(structure: Any) -> Iterator[type]:
+    """Of all nodes of a tree."""
+    data = structure.node_data()
+    if data is not None:
+        yield data[0]
+    for child in structure.children():
+        yield from _classes(child)
+
+
+def _is_known(kind: type) -> bool:
+    return kind.__module__.partition(".")[0] in KNOWN
 
 
 def _read(path: Path) -> export.Exported | None:
@@ -84,11 +123,12 @@ def _write(path: Path, content: bytearray) -> None:
 
 @cache
 def _origin(package: str) -> str:
-    """The versions of JAX, and a digest of the source of a package and this one."""
+    """The versions of what traces, and a digest of the source of a package and this one."""
     digest = hashlib.blake2b(digest_size=16)
     for name in sorted({package, __name__.partition(".")[0]}):
         folder = Path(str(import_module(name).__file__)).parent
         for file in sorted(folder.rglob("*.py")):
             digest.update(f"{name} {file.relative_to(folder)}\n".encode())
             digest.update(file.read_bytes())
-    return f"{jax.__version__} {jaxlib.__version__} {digest.hexdigest()}"
+    versions = " ".join(version(name) for name in ("jax", "jaxlib", "equinox", "optimistix"))
+    return f"{versions} {digest.hexdigest()}"

@@ -24,7 +24,8 @@ from fitting.weights import Weighting
 __all__ = ["Attempt", "attempted", "searched"]
 
 RIVAL = 2.0
-"""Times the least that is left of the sample: a minimum of no more could be the best on all pixels."""
+"""Times the least that is left of the sample: a minimum of no more could be the best on all pixels.
+Where outliers are to lose their weight any could: what leaves least may be a lobe of a few of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ def searched(
     edges = limit.lower.astype(observed.dtype), limit.upper.astype(observed.dtype)
     problem = Problem(model, *edges, np.asarray(observed.norm, observed.dtype))
     basins = _program(solver)(problem, observed.sample, grid, box)
-    if weighting is not None and weighting.robust is not None:
+    if weighting is not None and _is_robust(weighting):
         # What least squares bends to is taken out, and all is searched anew.
         u, k = basins.u[0], basins.k[0]
         rest = without_outliers(model, observed.sample, weighting, u, k)
@@ -77,9 +78,9 @@ def attempted(
     ones = np.ones(len(observed.photographs)) if gains else None
     minima = [
         polish(problem, observed, limit.box, basins.u[j], basins.k[j], weighting, ones)
-        for j in _worth(basins)
+        for j in _worth(basins, np.inf if _is_robust(weighting) else RIVAL)
     ]
-    minima.sort(key=_left)
+    minima.sort(key=lambda minimum: minimum.left(observed.count))
     best = minima[0]
     parameters = int((~limit.held).sum()) + model.direction_count + 1  # the noise
     parameters += len(observed.photographs) - 1 if gains else 0
@@ -113,19 +114,15 @@ def _program(solver: Solver | None) -> Callable[..., Basins]:
     return lambda *arguments: Basins(*program(*arguments))
 
 
-def _worth(basins: Basins) -> list[int]:
-    """The best, and those that are not the same and could be as good."""
+def _is_robust(weighting: Weighting | None) -> bool:
+    return weighting is not None and weighting.robust is not None
+
+
+def _worth(basins: Basins, rival: float) -> list[int]:
+    """The best, and those that are not the same and leave no more than so many times as much."""
     chosen: list[int] = []
     for j, (u, cost) in enumerate(zip(basins.u, basins.cost, strict=True)):
         apart = all(np.abs(u - basins.u[i]).max(initial=0) > APART for i in chosen)
-        if not chosen or (cost <= RIVAL * basins.cost[0] and apart and np.isfinite(cost)):
+        if not chosen or (cost <= rival * basins.cost[0] and apart and np.isfinite(cost)):
             chosen.append(j)
     return chosen
-
-
-def _left(found: Minimum) -> float:
-    """What is left, by which minima rank: where each has outliers of its own, the noise beside them."""
-    judge = found.judge
-    robust = judge is not None and judge.weighting.robust is not None
-    left = float(judge.scale) if judge is not None and robust else found.cost
-    return left if np.isfinite(left) else np.inf

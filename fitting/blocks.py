@@ -8,10 +8,12 @@ import hashlib
 import json
 import os
 import secrets
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import jax
 import numpy as np
@@ -60,8 +62,9 @@ def in_blocks(
 
     def started(i: int) -> Callable[[], Arrays]:
         path = None if store is None else store / f"block-{i:05d}.npz"
-        if path is not None and path.exists():
-            return lambda: _read(path)
+        stored = None if path is None else _read(path)
+        if stored is not None:
+            return lambda: stored
         wait = begin(i)
         return wait if path is None else lambda: _written(path, wait())
 
@@ -104,9 +107,13 @@ def _opened(folder: Path, inputs: str, count: int) -> Path:
     return folder
 
 
-def _read(path: Path) -> Arrays:
-    with np.load(path, allow_pickle=False) as stored:
-        return dict(stored)
+def _read(path: Path) -> Arrays | None:
+    """A finished block; None where it is not there, or damaged, as by a loss of power."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            return dict(stored)
+    except (OSError, EOFError, ValueError, BadZipFile, zlib.error):
+        return None
 
 
 def _written(path: Path, arrays: Arrays) -> Arrays:

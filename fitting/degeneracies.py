@@ -136,8 +136,8 @@ def gain_sentence(names: tuple[str, ...]) -> str:
     """Of the lights' gains and what they multiply, where nothing that is held sets their scale."""
     return (
         f"the lights' gains share one scale with {_list(_texts(names))}: twice the light on a surface"
-        " that reflects half as much gives the same images: hold one gain at a light that was"
-        " measured, or one of the others"
+        " that reflects half as much gives the same images: hold one of these, or take the mean gain"
+        " of 1 for granted"
     )
 
 

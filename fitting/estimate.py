@@ -23,7 +23,7 @@ from fitting.inputs import Photograph, match
 from fitting.known_scale import scaled, unscaled
 from fitting.likelihood import rounding
 from fitting.limits import Bounds, Grid, Limits, ceiling_grid, limits
-from fitting.model import Model, default_material, held_names, linear_names, model_of
+from fitting.model import Model, coefficient, default_material, held_names, linear_names, model_of
 from fitting.observed import Observed
 from fitting.profile import profile
 from fitting.recovered import clamped_within
@@ -81,11 +81,11 @@ def fit(
     - `gains`: whether the lights of each image have an unknown strength beside the scene's; the
       mean over the images is 1, for their common scale cannot be told from k_d and k_s.
     - `certify`: whether to prove that the minimum is global, where one shininess is all that is
-      searched: `fit.certificate` says what was proven. It takes some hundred passes over the data.
+      searched: `fit.certificate` says what was proven. It takes some ten passes over the data.
     - `profiles`: whether to compute the residual over each lobe's shininess, for plots.
     - `solver`: any Optimistix least-squares solver in place of our own bounded one, to compare.
-    - `devices`: JAX devices, or a mesh of them with one axis, to share the pixels out over in blocks
-      of 4096; by default one. They may be those of several processes joined by
+    - `devices`: JAX devices, or a mesh of them with one axis, to share the pixels of every page out
+      over; by default one. They may be those of several processes joined by
       `jax.distributed.initialize`: all of these call `fit` with the same input, and have the result.
 
     Raises `BadInput` for images, G-buffers, scenes and masks that do not fit together, for images
@@ -122,7 +122,7 @@ def fit(
             attenuation,
             np.asarray(distance, observed.dtype),
             fixed := _held_law(attenuation, held, photographs, distance),
-            scale_known=bool(held & set(linear_names(start)) - {"ka"}) or any(fixed),
+            scale_known=_sets_scale(start, held) or any(fixed),
         )
         model = replace(model, gauge=gauge)
 
@@ -205,6 +205,12 @@ def _constants(attenuation: type[AbstractAttenuation] | None) -> tuple[str, ...]
     return tuple(f"attenuation.{name}" for name in CONSTANTS[attenuation])
 
 
+def _sets_scale(material: Material, held: frozenset[str]) -> bool:
+    """Whether a coefficient that is held says how much of the light a surface reflects."""
+    lit = held & set(linear_names(material)) - {"ka"}
+    return any(np.any(np.asarray(coefficient(material, name)) != 0) for name in lit)
+
+
 def _held_law(
     attenuation: type[AbstractAttenuation],
     held: frozenset[str],
@@ -227,6 +233,13 @@ def _held_law(
             f"hold names {min(named)}, and no light of the scene has a {attenuation.__name__},"
             " whose value is what is kept"
         )
+    for name in CONSTANTS[attenuation]:
+        values = {float(getattr(law, name)) for law in laws}
+        if f"attenuation.{name}" in held and len(values) > 1:
+            raise BadInput(
+                f"hold names attenuation.{name}, of which the lights have different values,"
+                f" {min(values):g} to {max(values):g}: give all of them the one that is kept"
+            )
     return tuple(
         float(getattr(laws[0], name)) * distance ** lengths(name)
         if f"attenuation.{name}" in held

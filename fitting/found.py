@@ -1,11 +1,13 @@
 """What a fit found: coefficients with their errors, and everything that says how far to trust them."""
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -20,6 +22,7 @@ from fitting.degeneracies import Seen, highlight_depths
 from fitting.distances import share_nearer
 from fitting.identify import Unidentified, unidentified
 from fitting.likelihood import Likelihood
+from fitting.model import linear_names
 from fitting.observed import Observed
 from fitting.profile import Profile
 from fitting.recovered import Recovery, clamped_within
@@ -57,7 +60,8 @@ class Correlations:
 class Fit:
     """What `fit` found. What takes time is computed when it is first asked for.
 
-    `material` and `scene` are of the types that were given, a tuple of scenes where several were.
+    `material` and `scene` are of the types that were given, a tuple of scenes where several were, or
+    where each image has a gain.
     `coefficients` and `standard_errors` hold arrays by name: "ka", "kd", "specular.0.ks",
     "specular.0.shininess"; "attenuation.c0" and so on where an attenuation was fitted, and with a
     quadratic or a linear one what was measured first, "reference.l0" to "l2" and k f(d0) as
@@ -65,7 +69,8 @@ class Fit:
     l0 + l1 d/d0 + l2 (d/d0)^2. Standard errors are infinite where the images do not tell;
     `unidentified` names what is not to be trusted, and why.
     `intervals` are those of 95 %, lower and upper end; `correlations` those of all numbers.
-    `noise` is the standard deviation of an observation. `relative_residual` is that of `evaluate`;
+    `noise` is the standard deviation of an observation, or where a `SensorNoise` was given, of one in
+    the dark. `relative_residual` is that of `evaluate`;
     beside it stands the `weighted_residual` of a fit that gave its observations weights. `basins`
     are other minima, `suspect_images` those that stand out. `gains` are the factors on the lights
     of each image, where they were asked for. `likelihood` is that of the images, with the number of
@@ -151,7 +156,8 @@ class Fit:
     def material(self) -> Material:
         """The recovered material."""
         minimum = self._best.minimum
-        return self._recovery.material(minimum.k, minimum.u, self._dtype)
+        with self._precision():
+            return self._recovery.material(minimum.k, minimum.u, self._dtype)
 
     @cached_property
     def scene(self) -> Any:
@@ -190,7 +196,9 @@ class Fit:
         """What the images do not determine, and why."""
         minimum = self._best.minimum
         gauge = minimum.problem.model.gauge
-        gains = () if self.gains is None else tuple(f"gain.{k}" for k in range(len(self.gains)))
+        known = any(np.any(self.coefficients[n] != 0) for n in self._held if n in self._lit_names)
+        count = 0 if self.gains is None or known else len(self.gains)
+        gains = tuple(f"gain.{k}" for k in range(count))
         return unidentified(
             self._free(self._uncertainty.values),
             self._uncertainty,
@@ -203,13 +211,13 @@ class Fit:
     @cached_property
     def basins(self) -> tuple[Basin, ...]:
         """The other minima that were followed to their end."""
-        least = self._best.minimum
+        least, count = self._best.minimum, self.likelihood.observations
         apart = [m for m in self._best.others if np.abs(m.u - least.u).max(initial=0) > APART]
         return tuple(
             Basin(
                 other.problem.model.named(other.u),
                 ratio(other.cost, other.square),
-                bool(other.cost - least.cost <= INDISTINGUISHABLE * self.noise**2),
+                bool(other.left(count) - least.left(count) <= INDISTINGUISHABLE * self.noise**2),
             )
             for other in apart
         )
@@ -222,6 +230,16 @@ class Fit:
     def _free(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in by_name.items() if name not in self._held}
 
+    @property
+    def _lit_names(self) -> set[str]:
+        """The coefficients of the lights, whose scale gains share."""
+        return set(linear_names(self._best.minimum.problem.model.material)) - {"ka"}
+
+    def _precision(self) -> AbstractContextManager[None]:
+        """That of the fit, which whoever asks may not be in."""
+        context: AbstractContextManager[None] = jax.enable_x64(self._dtype == np.float64)
+        return context
+
     @cached_property
     def _recovery(self) -> Recovery:
         minimum = self._best.minimum
@@ -231,7 +249,8 @@ class Fit:
     def _lit(self) -> tuple[Scene, ...]:
         """Every image's scene with the recovered attenuation and gain."""
         minimum = self._best.minimum
-        law = self._recovery.law(minimum.k, minimum.u, self._dtype)
+        with self._precision():
+            law = self._recovery.law(minimum.k, minimum.u, self._dtype)
         scenes = self._scenes if law is None else tuple(_relit(s, law) for s in self._scenes)
         if self.gains is None:
             return scenes
@@ -250,7 +269,7 @@ class Fit:
             replace(minimum.at, k=minimum.k, cost=np.asarray(minimum.cost)),
             model.coordinates(minimum.u),
             np.append(limit.held.ravel(), np.zeros(model.direction_count, bool)),
-            self.likelihood.observations,
+            self.likelihood.observations - (0 if self.gains is None else len(self.gains) - 1),
             lambda k, y: recovery.coefficients(k, model.whole(y)),
             bounds=(edges[0], edges[1]),
             noise=float(judge.scale) if judge is not None and robust else None,

@@ -93,11 +93,6 @@ class AbstractGauge(eqx.Module):
     def nodes(self) -> tuple[Node, ...]:
         """A coarse grid over v."""
 
-    @property
-    @abstractmethod
-    def middle(self) -> tuple[float, ...]:
-        """Where a search starts that is given a material."""
-
     @abstractmethod
     def law(self, v: Float[Array, "s"]) -> AbstractAttenuation:
         """The law that is fitted."""
@@ -144,10 +139,6 @@ class PolynomialGauge(AbstractGauge):
     @property
     def nodes(self) -> tuple[Node, ...]:
         return _polynomial_nodes(self.size)
-
-    @property
-    def middle(self) -> tuple[float, ...]:
-        return (1 / self.size,) * self.size
 
     def law(self, v: Float[Array, "s"]) -> "ReferenceAttenuation":
         return ReferenceAttenuation(v, self.distance, self.clamped)
@@ -222,10 +213,6 @@ class ExponentialGauge(AbstractGauge):
     @property
     def nodes(self) -> tuple[Node, ...]:
         return tuple(((number,), (b,)) for number, b in enumerate(ABSORPTION_NODES))
-
-    @property
-    def middle(self) -> tuple[float, ...]:
-        return (0.5,)
 
     def law(self, v: Float[Array, "s"]) -> ExponentialAttenuation:
         return ExponentialAttenuation(v[0] / self.distance)

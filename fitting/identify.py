@@ -63,7 +63,8 @@ def unidentified(
     are judged. `gains` names the lights' gains where these were fitted to a mean of 1, a convention, and
     nothing that is held sets their scale. `seen` helps to say why.
     """
-    # A clamp that is seen to act at some points and not at others sets the scale; at all, tells no c.
+    # A clamp that acts at some points and not at others sets the scale; at every point, it tells none
+    # of c0, c1, c2.
     scaled = scaled and seen.clamped == 0
     judged = [name for name in values if _is_judged(name, values, scaled)]
     if seen.clamped >= 1:

@@ -61,8 +61,7 @@ class Photograph(NamedTuple):
     @property
     def brightest(self) -> float:
         """The largest observation of a used pixel."""
-        inside = True if self.given is None else self.valid[..., None]
-        return float(np.max(self.image, where=inside, initial=0.0))
+        return float(np.max(self.image, where=self.valid[..., None], initial=0.0))
 
     def check(self) -> None:
         """Raise `BadInput` where what was observed in a used pixel is not finite."""
@@ -116,7 +115,7 @@ def match(
         _photograph(k, *each)
         for k, each in enumerate(zip(pictures, surfaces, lights, masks, limits, strict=True))
     ]
-    if not any(p.given is None or p.valid.any() for p in photographs):
+    if not any(p.gbuffer.pixel_count and (p.given is None or p.valid.any()) for p in photographs):
         raise BadInput("no pixel is left to fit: every one is masked out, clipped or background")
     return photographs
 

@@ -56,12 +56,6 @@ class Limits:
     box: tuple[Float[np.ndarray, "q"], Float[np.ndarray, "q"]]
     grid: Grid
 
-    @property
-    def edges(self) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Lower and upper bounds of k, channel after channel, and then of u."""
-        lower, upper = self.box
-        return np.append(self.lower, lower), np.append(self.upper, upper)
-
     def searched(self, dtype: np.dtype) -> tuple[Grid, tuple[np.ndarray, np.ndarray]]:
         """The grid within the box, and the box, in that precision."""
         lower, upper = (np.asarray(edge, dtype) for edge in self.box)

@@ -108,7 +108,8 @@ class Stack:
             yield self.group(slice(first, min(first + length, self.size)), length)
 
     def sample(self, *, bright: bool) -> Group:
-        """Points from everywhere, at equal distances; then, asked for, the brightest of every image.
+        """Points from everywhere, at equal distances; then, asked for, the brightest of every image,
+        or of as many as there is room for.
 
         A highlight may be so small that no fair sample meets it.
         """
@@ -118,14 +119,13 @@ class Stack:
             length = stepped(self.size)
             return self.group(slice(0, self.size), length, fair=length)
         even = np.arange(most) * self.size // most
-        brightest = [self._brightest(k, most // count) for k in range(count)] if bright else []
+        several = np.linspace(0, count - 1, min(count, most)).astype(int).tolist() if bright else []
+        brightest = [self._brightest(k, max(most // count, 1)) for k in several]
         chosen = np.concatenate([even, *brightest])
         return self.group(chosen, stepped(len(chosen)), fair=most)
 
     def _brightest(self, k: int, count: int) -> Int[np.ndarray, "n"]:
         """The brightest point of image k in each of `count` runs of points."""
-        if count == 0:
-            return np.zeros(0, int)
         photograph, length = self.photographs[k], self.size // count
         found = []
         several = max(PAGE // length, 1)

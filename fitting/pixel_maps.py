@@ -105,11 +105,12 @@ def _judged(
     size = np.concatenate([size, n[None]])
     told = np.isfinite(errors)
     standard = np.where(told, noise * np.where(told, errors, 1), inf)
-    known = found.converged & (np.where(told, errors, inf) * judged <= TOLERANCE * size)
+    known = found.converged & told & (np.where(told, errors, 0) * judged <= TOLERANCE * size)
+    nominal = np.where(told, NOISE * brightest * np.where(told, errors, 1), inf)
     return MapPlanes(
         values=values,
         standard_errors=standard.astype(values.dtype),
-        nominal_errors=(NOISE * brightest * errors).astype(values.dtype),
+        nominal_errors=nominal.astype(values.dtype),
         identified=np.asarray(known & (size > 0)),
         noise=noise,
         converged=np.asarray(found.converged),

@@ -31,8 +31,8 @@ MIN_ROUNDS, MAX_ROUNDS = 5, 60
 """Of weights and gains that follow the solution."""
 SLIGHT = 0.01
 """Of a standard error: a step that is no longer matters to nobody."""
-LEAST_SHARE = 0.2
-"""Of a step that overshoots."""
+LEAST_STEP = 0.2
+"""The share of a step that is taken at the least, however far it would overshoot."""
 SHORT = {np.dtype(np.float32): 3e-4, np.dtype(np.float64): 3e-6}
 """A step of y: what is left after it is its square, which is nothing in either precision."""
 
@@ -42,8 +42,8 @@ class Minimum:
     """The minimum over all pixels: u and k, and the fit around it, with what depends on what.
 
     `cost` is what is left of the `square` of all that was observed, `image_cost` and `squares` those
-    of each image in the order of the stacks, and `image_pull` where each would move k and y, for all
-    together to stay: J'r. `nearest` and `farthest` are the distances of lit points
+    of each image in the order of the stacks; `image_pull` is J'r of each in k and y, whose sum is 0
+    where no bound is in the way. `nearest` and `farthest` are the distances of lit points
     from point lights with an attenuation; `brightest` is the largest observation.
     """
 
@@ -66,6 +66,16 @@ class Minimum:
     def cost(self) -> float:
         """What is left of all images."""
         return float(self.image_cost.sum())
+
+    def left(self, observations: int) -> float:
+        """What is left, by which minima compare; infinite where that is no number.
+
+        Where each has outliers of its own it is the noise beside them that tells.
+        """
+        judge = self.judge
+        robust = judge is not None and judge.weighting.robust is not None
+        left = observations * float(judge.scale) ** 2 if judge is not None and robust else self.cost
+        return left if np.isfinite(left) else np.inf
 
     @property
     def square(self) -> float:
@@ -95,7 +105,7 @@ class _Place(NamedTuple):
         return np.maximum(np.einsum("ci,kcij,cj->k", change, self.sums.each, change), 0)
 
     def image_pull(self, u: Unknowns, k: Linear) -> Float[np.ndarray, "K n"]:
-        """Minus half the gradient of what is left of each image, in k and then in y."""
+        """J'r of each image, in k and then in y: minus half the gradient of what is left of it."""
         pull = np.einsum("kcij,cj->kci", self.sums.each, self._change(u, k))[..., :-1]
         p = k.shape[1]
         of_y = self.problem.model.pushed(pull[..., p:].sum(axis=1))
@@ -222,7 +232,7 @@ def _relaxed(
     if last is not None and last.dependent == place.problem.model.dependent:
         along = last.taken * unit
         change = ((dy - last.asked) * unit) @ along
-        share = float(np.clip(-(along @ along) / change, LEAST_SHARE, 1)) if change < 0 else 1.0
+        share = float(np.clip(-(along @ along) / change, LEAST_STEP, 1)) if change < 0 else 1.0
     return share * dy, _Taken(place.problem.model.dependent, dy, share * dy)
 
 

@@ -43,6 +43,10 @@ __all__ = [
 ]
 
 
+LEAST_GAIN = 0.1
+"""Times the last: what a gain may fall to in one step."""
+
+
 class Problem(eqx.Module):
     """A model, and the bounds on its linear coefficients; `norm` of all that is observed is a unit."""
 
@@ -242,7 +246,9 @@ def _gains(
     along = _onto(model, (each[..., :p] * lit[:, None]).sum(axis=-1), change)
     square = (along[:, :, :p] * lit).sum(axis=(1, 2))
     left, dark = along[:, :, -1].sum(axis=1), square == 0
-    better = gains * xp.maximum(1 + xp.where(dark, 0, left / xp.where(dark, 1, square)), 0)
+    # Not to 0 in one step: an image without light could not say that it has some.
+    step = 1 + xp.where(dark, 0, left / xp.where(dark, 1, square))
+    better = gains * xp.maximum(step, LEAST_GAIN)
     own = xp.where(gains == 0, 1, gains)
     return Gains(better / better.mean(), along[:, :, :-1] / own[:, None, None], square / own**2)
 

@@ -13,10 +13,11 @@ from diffshade.reflectance.material import Material
 from diffshade.shading.render import render
 from diffshade.vector import Vec3
 from fitting.estimate import fit
-from fitting.identify import NOISE
+from fitting.identify import LEAST_SHARE, NOISE, TOLERANCE
 from fitting.inputs import Photograph
 from fitting.limits import Bounds
 from fitting.map_planes import MapPlanes, map_names, width
+from fitting.model import linear_names
 
 __all__ = ["RegionWork", "region_labels"]
 
@@ -70,15 +71,22 @@ class RegionWork:
             off = np.asarray(render(gbuffer, scene, found.material), float) - image
             left += np.sum(np.where(mask[..., None], off, 0) ** 2, axis=(0, 2))
         unknown = {name for item in found.unidentified for name in item.coefficients}
-        told = NOISE * self.brightest / found.noise if found.noise > 0 else inf
+        unit = found._uncertainty.unit_errors
+        largest = max(np.max(found.coefficients[name]) for name in linear_names(self.material))
         rows: dict[str, list[np.ndarray]] = {name: [] for name in MapPlanes._fields[:4]}
         for name in map_names(self.material):
             shape = (width(name, channel_count),)
-            error = np.broadcast_to(found.standard_errors[name], shape).astype(float)
-            rows["values"].append(np.broadcast_to(found.coefficients[name], shape))
+            value, error, nominal = (
+                np.broadcast_to(x[name], shape).astype(float)
+                for x in (found.coefficients, found.standard_errors, unit)
+            )
+            nominal = np.where(np.isfinite(nominal), NOISE * self.brightest * nominal, inf)
+            size = value if name.endswith("shininess") else np.maximum(value, LEAST_SHARE * largest)
+            known = (np.maximum(nominal, error) <= TOLERANCE * size) & (size > 0)
+            rows["values"].append(value)
             rows["standard_errors"].append(error)
-            rows["nominal_errors"].append(np.where(error > 0, error * told, 0))
-            rows["identified"].append(np.full(shape, name not in unknown and found.converged))
+            rows["nominal_errors"].append(nominal)
+            rows["identified"].append(known & (name not in unknown) & found.converged)
         dtype = gbuffer.normal.x.dtype
         spread = {
             name: np.repeat(np.concatenate(row)[:, None], len(pixels), axis=1)

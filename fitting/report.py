@@ -19,7 +19,6 @@ Keys that a document may have besides; readers do without them, and null is as g
 - `weighted_residual`: the relative residual with the weights of a robust fit.
 - `suspect_images`: images that disagree with the others, a list of {`file`, `reason`}.
 - `gains`: a number an image, or one a channel.
-- in a row of `per_image`, `pixels_no_weight`: used pixels to which a robust fit gave no weight.
 """
 
 from __future__ import annotations

@@ -92,11 +92,7 @@ def _contents(sections: Iterable[tuple[str, str, Any]]) -> Element:
 
 def _overview(document: Document) -> list[Element]:
     rows = document["per_image"]
-    counts = [
-        f"{sum(row[key] for row in rows):,} {why}"
-        for key, why in reasons(document)
-        if key != "pixels_no_weight"
-    ]
+    counts = [f"{sum(row[key] for row in rows):,} {why}" for key, why in reasons(document)]
     facts: dict[str, str | None] = {
         "Model": f"{document['model']}: {_equation(document)}",
         "Images": f"{len(rows)}, with {sum(row['pixels_used'] for row in rows):,} pixels used",

@@ -97,7 +97,6 @@ def reasons(document: Document) -> list[tuple[str, str]]:
     every = (
         ("pixels_clipped", "clipped"),
         ("pixels_unusable", "not finite or not opaque"),
-        ("pixels_no_weight", "given no weight"),
     )
     return [(k, why) for k, why in every if all(k in row for row in document["per_image"])]
 

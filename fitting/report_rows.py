@@ -72,7 +72,10 @@ def attenuation_rows(document: Document) -> list[Row]:
     sizes = [r.errors[0] / abs(r.values[0]) for r in rows if r.errors[0] and r.values[0]]
     return [
         row._replace(note="by convention")
-        if row.values[0] and (row.errors[0] or 0) <= 1e-6 * max(sizes, default=0) * row.values[0]
+        if row.values[0]
+        and not row.note
+        and row.errors[0] is not None
+        and row.errors[0] <= 1e-6 * max(sizes, default=0) * row.values[0]
         else row
         for row in rows
     ]

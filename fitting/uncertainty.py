@@ -38,8 +38,10 @@ Report = Callable[
 ]
 Interval = tuple[np.ndarray, np.ndarray]
 
-FEWEST, DISAGREE = 4, 2.0
+FEWEST_IMAGES, DISAGREE = 4, 2.0
 """Images that can be compared; and the ratio to what noise explains from which on they disagree."""
+ALONE = 0.9
+"""The share of a number's movement from which on one unknown is as good as all."""
 INFINITE = np.array([[-np.inf], [np.inf]])
 STEP, LEAST = 2.0**-17, 1e-3
 """By which an unknown is moved for a derivative: of it, or of this where it is less."""
@@ -120,7 +122,7 @@ def propagate(
     an observation, by default that of the residual, sqrt(cost / degrees of freedom), whose own error
     the intervals allow for by Student's t. `gains`, where they are unknown too, are eliminated.
     `rounding` is that of what was observed, by default that of k. `image_pull` is J'r of each image,
-    by which `_between_images` judges.
+    by which `_disagreement` judges.
 
     `report` gives named arrays, of many k and y at once where these have leading axes. A name that
     ends in "shininess" has its interval on the logarithm, on which its estimate is nearer to normal.
@@ -150,10 +152,10 @@ def propagate(
     reported = rows @ bounded @ rows.T * sigma**2
     error = np.sqrt(np.maximum(np.diagonal(reported), 0))
     reach = np.full(len(error), quantile(degrees) if noise is None else NORMAL)
-    if image_pull is not None and len(image_pull) >= FEWEST:
-        scatter = _between_images(rows @ covariance, image_pull)
-        apart = ~blind & (scatter > DISAGREE * error)
-        wider = np.where(apart, scatter / np.where(apart, error, 1), 1)
+    if image_pull is not None and len(image_pull) >= FEWEST_IMAGES:
+        wider = _disagreement(rows, covariance * sigma**2, image_pull / max(sigma, 1e-300) ** 2)
+        apart = ~blind & (wider > DISAGREE) & ~_rests(rows, covariance, side != 0)
+        wider = np.where(apart, wider, 1)
         reported, error = reported * np.outer(wider, wider), error * wider
         reach = np.where(apart, quantile(len(image_pull) - 1.0), reach)
 
@@ -198,16 +200,31 @@ def propagate(
     )
 
 
-def _between_images(
-    influence: Float[np.ndarray, "m n"], pull: Float[np.ndarray, "K n"]
+def _disagreement(
+    rows: Float[np.ndarray, "m n"],
+    covariance: Float[np.ndarray, "n n"],
+    pull: Float[np.ndarray, "K n"],
 ) -> Float[np.ndarray, "m"]:
-    """The standard errors that the images themselves show: by how far each would move a number.
+    """The error of each number that the images themselves show, over the one that noise explains.
 
-    Each image counts as one observation of all, whatever its pixels have in common (Liang and
-    Zeger 1986).
+    By how far each image would move a number says how far apart they are. One counts as one
+    observation of all, whatever its pixels have in common (Liang and Zeger 1986). `pull` is J'r of
+    each image over the variance of the noise; bounds are left aside.
     """
     count = len(pull)
-    return np.linalg.norm(influence @ pull.T, axis=1) * sqrt(count / (count - 1))
+    scatter = np.linalg.norm(rows @ covariance @ (pull - pull.mean(axis=0)).T, axis=1)
+    error = np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", rows, covariance, rows), 0))
+    return scatter * sqrt(count / (count - 1)) / np.where(error > 0, error, np.inf)
+
+
+def _rests(
+    rows: Float[np.ndarray, "m n"],
+    covariance: Float[np.ndarray, "n n"],
+    active: Bool[np.ndarray, "n"],
+) -> Bool[np.ndarray, "m"]:
+    """Which numbers move almost only with unknowns that rest on a bound."""
+    parts = np.abs(rows) * np.sqrt(np.diagonal(covariance))
+    return parts[:, active].sum(axis=1) > ALONE * parts.sum(axis=1)
 
 
 def _derivatives(
@@ -318,7 +335,7 @@ def _offsets(
     blind = np.isinf(error)
     parts = np.abs(rows) * np.where(blind[:, None], ~np.isnan(spread), np.nan_to_num(spread))
     owner = parts.argmax(axis=1)
-    alone = parts.max(axis=1) > 0.9 * parts.sum(axis=1)
+    alone = parts.max(axis=1) > ALONE * parts.sum(axis=1)
     slope = np.where(alone, rows[np.arange(len(rows)), owner], 1.0)
     lower, upper = np.where(alone, np.sort(np.stack(ends)[:, owner] * slope, axis=0), INFINITE)
     # Of one at its bound: how many of its errors the bound keeps it from where it would be.

@@ -87,7 +87,9 @@ class Weighting(eqx.Module):
         weights = 1 / variance
         if self.robust is not None:
             square = jnp.mean((observed - predicted) ** 2 / variance, axis=0)
-            weights = weights * self.robust(jnp.sqrt(square) / scale, starting)[None]
+            # Where there is no noise nothing stands out.
+            beside = jnp.sqrt(square) / jnp.where(scale > 0, scale, jnp.inf)
+            weights = weights * self.robust(beside, starting)[None]
         return weights
 
     def standardised(self, predicted: Planes, observed: Planes) -> Planes:
@@ -124,5 +126,10 @@ class Judge(eqx.Module):
 
 
 def robust_scale(residuals: Float[Array, "..."], used: Bool[Array, "..."]) -> Float[Array, ""]:
-    """The standard deviation of normal noise, from the median absolute deviation."""
-    return MAD * jnp.nanmedian(jnp.where(used, jnp.abs(residuals), jnp.nan))
+    """The standard deviation of normal noise, from the median absolute deviation.
+
+    Residuals that are exactly 0 are of dark points, which say nothing of it; 0 where all are.
+    """
+    used = used & (residuals != 0)
+    median = jnp.nanmedian(jnp.where(used, jnp.abs(residuals), jnp.nan))
+    return jnp.where(used.any(), MAD * median, 0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -79,3 +80,28 @@ def test_without_a_cache_nothing_is_written(tmp_path: Path) -> None:
     finally:
         jax.config.update("jax_compilation_cache_dir", before)
     assert not list(tmp_path.iterdir())
+
+
+class Doubling(NamedTuple):
+    """A part of somebody else's, whose source no digest knows."""
+
+    x: jax.Array
+
+
+def doubled(part: Doubling) -> tuple[jax.Array]:
+    TRACED.append(part.x.shape)
+    return (2 * part.x,)
+
+
+def test_what_depends_on_foreign_classes_is_not_kept(folder: Path) -> None:
+    np.testing.assert_array_equal(Kept(doubled, dict)(Doubling(jnp.ones(2)))[0], [2, 2])
+    assert not folder.exists()
+
+
+def test_a_cache_that_is_off_keeps_nothing(folder: Path) -> None:
+    jax.config.update("jax_enable_compilation_cache", False)
+    try:
+        kept()(jnp.arange(3.0), 2.0)
+    finally:
+        jax.config.update("jax_enable_compilation_cache", True)
+    assert not folder.exists()

@@ -95,3 +95,25 @@ def test_few_images_are_not_compared(rng: np.random.Generator) -> None:
     fit = fitting.fit(observed, GBUFFER, SCENES[:3])
     alone = fit._uncertainty.unit_errors["kd"] * fit.noise
     np.testing.assert_allclose(fit.standard_errors["kd"], alone, rtol=1e-3)
+
+
+def test_noise_beside_a_bound_is_no_disagreement(rng: np.random.Generator) -> None:
+    """k_s rests on 0 beyond which the images pull it: no error grows by that."""
+    scenes = [ds.Scene(ambient=1.0, lights=scene.lights) for scene in SCENES]
+    flat = ds.Material(ka=0.2, kd=0.6, specular=ds.Phong(ks=0.0, shininess=15.0))
+    widest = 0.0
+    for _ in range(10):
+        observed = []
+        for scene in scenes:
+            exact = np.array(ds.render(GBUFFER, scene, flat), np.float64)
+            # The highlight is darker than nothing
+            lobe = ds.Material(specular=ds.Phong(ks=0.01, shininess=15.0))
+            exact -= np.asarray(ds.render(GBUFFER, scene, lobe))
+            seen = exact + rng.normal(0, 0.01, exact.shape)
+            observed.append(seen.astype(GBUFFER.normal.x.dtype))
+        fit = fitting.fit(observed, GBUFFER, scenes)
+        assert fit.coefficients["specular.0.ks"] == 0
+        for name in ("ka", "kd", "specular.0.ks"):
+            alone = fit._uncertainty.unit_errors[name] * fit.noise
+            widest = max(widest, float(np.max(fit.standard_errors[name] / alone)))
+    assert widest <= 1 + 1e-6

@@ -235,3 +235,49 @@ def test_bad_input_is_refused_in_one_line(arguments: dict, message: str) -> None
     with pytest.raises(ds.BadInput, match=message) as caught:
         fitting.fit(**given)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_held_at_zero_sets_no_scale() -> None:
+    """A k_d of 0 says nothing of how much light there is: k_s and the constants share their scale."""
+    law = ds.QuadraticAttenuation(0.4, 0.3, 0.2)
+    lights = tuple(ds.PointLight(light.position, light.intensity, law) for light in SCENE.lights)
+    scene, mirror = ds.Scene(lights=lights), ds.Material(kd=0.0, specular=ds.Phong(0.9, 8.0))
+    image = ds.render(GBUFFER, scene, mirror)
+    fit = fitting.fit(
+        image, GBUFFER, scene, material=mirror, hold=["kd"], attenuation=ds.QuadraticAttenuation
+    )
+    assert "specular.0.ks" in {name for item in fit.unidentified for name in item.coefficients}
+    np.testing.assert_allclose(fit.coefficients["specular.0.shininess"], 8, rtol=1e-3)
+
+
+def test_lights_whose_held_constants_differ_are_refused() -> None:
+    laws = ds.QuadraticAttenuation(1.0, 0.1, 0.1), ds.QuadraticAttenuation(2.0, 0.1, 0.1)
+    lights = tuple(ds.PointLight((x, 0, 3), 1, law) for x, law in zip((-1, 1), laws, strict=True))
+    with pytest.raises(ds.BadInput, match="different values, 1 to 2") as caught:
+        fitting.fit(
+            IMAGE,
+            GBUFFER,
+            ds.Scene(ambient=0.5, lights=lights),
+            hold=["attenuation.c0"],
+            attenuation=ds.QuadraticAttenuation,
+        )
+    assert "\n" not in str(caught.value)
+
+
+def test_a_surface_out_of_view_is_refused() -> None:
+    nothing = ds.gbuffer(ds.Sphere(center=(9, 0, 0)), ds.OrthographicCamera(16, 16, 2.2))
+    with pytest.raises(ds.BadInput, match="no pixel is left"):
+        fitting.fit(np.zeros((16, 16, 3)), nothing, SCENE)
+
+
+@pytest.mark.parametrize("double", [False, True])
+def test_a_fit_keeps_its_precision(double: bool) -> None:
+    with jax.enable_x64(double):
+        sphere = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(16, 16, 2.2))
+        scene = ds.Scene(lights=ds.ParallelLight((0, 0, 1.0)))
+        image = ds.render(sphere, scene, ds.Material(kd=0.5, specular=ds.Phong(0.3, 10.0)))
+        fit = fitting.fit(np.asarray(image), sphere, scene)
+    dtype = np.float64 if double else np.float32
+    for other in (not double, double):
+        with jax.enable_x64(other):
+            assert fit.material.kd.dtype == dtype

@@ -406,3 +406,35 @@ def test_planes_have_the_precision_of_the_surface(rng: np.random.Generator) -> N
     assert dtype == (np.float64 if jax.config.jax_enable_x64 else np.float32)
     assert {a.dtype for a in maps.coefficients.values()} == {dtype}
     assert {a.dtype for a in maps.standard_errors.values()} == {dtype}
+
+
+def test_the_background_does_not_count(rng: np.random.Generator) -> None:
+    lit = scenes(8)
+    images = [np.array(image) for image in rendered(lit, truth(rng))]
+    clean = fitting.fit_maps(images, GBUFFER, lit, steps=8)
+    for image in images:
+        image[~GBUFFER.mask] = np.nan
+    spoilt = fitting.fit_maps(images, GBUFFER, lit, steps=8)
+    for name in (KD, KS, N):
+        np.testing.assert_array_equal(spoilt.identified[name], clean.identified[name])
+        np.testing.assert_array_equal(spoilt.nominal_errors[name], clean.nominal_errors[name])
+
+
+def test_black_images_tell_nothing() -> None:
+    lit = scenes(6)
+    maps = fitting.fit_maps([np.zeros((SIZE, SIZE))] * 6, GBUFFER, lit, steps=8)
+    assert not any(maps.identified[name].any() for name in (KD, KS, N))
+    assert np.isinf(maps.nominal_errors[N]).all()
+
+
+def test_a_damaged_block_is_computed_anew(tmp_path: Path, rng: np.random.Generator) -> None:
+    lit = scenes(8)
+    images = rendered(lit, truth(rng))
+    whole = fitting.fit_maps(images, GBUFFER, lit, steps=8, folder=tmp_path)
+    (block,) = tmp_path.glob("block-*.npz")
+    content = block.read_bytes()
+    for damage in (b"", content[: len(content) // 2]):
+        block.write_bytes(damage)
+        again = fitting.fit_maps(images, GBUFFER, lit, steps=8, folder=tmp_path)
+        np.testing.assert_array_equal(again.coefficients[N], whole.coefficients[N])
+        assert block.read_bytes() == content

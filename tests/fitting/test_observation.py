@@ -85,3 +85,13 @@ def test_a_highlight_that_no_fair_sample_meets() -> None:
     allowed = 1e-6 if jax.config.jax_enable_x64 else 1e-3
     np.testing.assert_allclose(fit.coefficients["specular.0.shininess"], 20_000, rtol=allowed)
     np.testing.assert_allclose(fit.coefficients["specular.0.ks"], 0.5, rtol=allowed)
+
+
+def test_a_sample_of_more_images_than_it_has_points(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    observed = images(rng)
+    observed[-1][SIZE // 2, SIZE // 2] = 50
+    monkeypatch.setattr(observation, "SAMPLES", 12)
+    monkeypatch.setattr(observation, "FEWEST", 2)
+    assert stack_of(observed).sample(bright=True).observed.max() == 50

@@ -163,3 +163,15 @@ def test_another_solver_finds_the_same() -> None:
     tight = 1e-10 if jax.config.jax_enable_x64 else 1e-5
     plain = fitting.fit(IMAGE, GBUFFER, SCENE, solver=optx.LevenbergMarquardt(tight, tight))
     np.testing.assert_allclose(plain.material.specular[0].shininess, 40.0, rtol=1e-3)
+
+
+def test_darkness_is_no_noise() -> None:
+    """More than half of the pixels unlit and exactly 0: what is lit says how strong the noise is."""
+    sphere = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(64, 64, 2.2))
+    scene = ds.Scene(lights=ds.ParallelLight((1, 0, -0.3)))
+    exact = np.asarray(ds.render(sphere, scene, ds.Material(kd=0.6, specular=ds.Phong(0.2, 5.0))))
+    noise = np.random.default_rng(0).normal(0, 0.01, exact.shape) * (exact > 0)
+    fit = fitting.fit(exact + noise.astype(exact.dtype), sphere, scene, robust="tukey")
+    assert np.count_nonzero(exact[sphere.mask]) < 0.5 * np.count_nonzero(sphere.mask)
+    np.testing.assert_allclose(fit.noise, 0.01, rtol=0.1)
+    np.testing.assert_allclose(fit.coefficients["kd"], 0.6, rtol=0.05)
