@@ -292,14 +292,6 @@ def test_what_is_not_finite_is_said() -> None:
     assert shown.all("svg") == []
 
 
-def test_pixels_without_weight_have_a_column() -> None:
-    made = document()
-    for row in made["per_image"]:
-        row["pixels_no_weight"] = 1234
-    assert "1,234" in page(made).sections["residual"]
-    assert "given no weight" not in page(document()).words
-
-
 def test_correlations_of_many_coefficients_are_the_strongest() -> None:
     names = [f"k{j}" for j in range(40)]
     matrix = np.eye(40)
