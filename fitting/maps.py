@@ -93,7 +93,7 @@ def fit_maps(
     - `regions`: labels [H, W], whole numbers: all pixels of one label share one material, found by
       `fit` (and any number of lobes). Below 0: no region.
     - `steps`: None goes to the minimum by Optimistix; a number takes so many Gauss-Newton steps,
-      which is several times as fast, and for 8 the same but for a few pixels (see `converged`).
+      which is two to three times as fast, and for 8 the same but for a few pixels (see `converged`).
     - `block`: pixels at one time; beyond the images and the maps, memory grows with this alone.
     - `progress`: called with how many blocks (or regions) are finished, and how many there are.
     - `folder`: where finished blocks are kept: the same call with the same folder goes on from them.

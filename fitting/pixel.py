@@ -192,7 +192,16 @@ def _best_node(problem: PixelProblem, settings: Settings) -> Plane:
 
 def _project(problem: PixelProblem, settings: Settings, u: Plane) -> Projected:
     """The linear coefficients eliminated at u."""
-    s, slopes = problem.lobe_and_slope(u)
+    return _projected(problem, settings, *problem.lobe_and_slope(u))
+
+
+def _projected(
+    problem: PixelProblem,
+    settings: Settings,
+    s: list[Observations],
+    slopes: list[Observations],
+) -> Projected:
+    """The same from the specular column at u, and its derivative."""
     ks, costs, gradients, curvatures = [], [], [], []
     for c, (columns, gram, k, left) in enumerate(_linear(problem, settings, s)):
         slope = slopes[c if len(slopes) > 1 else 0]
@@ -274,8 +283,8 @@ def _by_optimistix(problem: PixelProblem, settings: Settings, u: Array) -> Array
 
 def _with_errors(problem: PixelProblem, settings: Settings, u: Plane) -> PixelFit:
     """k at u, and the Cramer-Rao errors for noise 1, bounds left aside."""
-    at = _project(problem, settings, u)
     s, slopes = problem.lobe_and_slope(u)
+    at = _projected(problem, settings, s, slopes)
     p = len(settings.bounds)
     full, unknowns = [], []
     for c, k in enumerate(at.k):
