@@ -161,8 +161,9 @@ def _measured(document: Document) -> list[Element]:
         " over all used pixels and all channels, in linear light.",
         "Left out: pixels that are clipped (any channel at or above 0.98 of full scale as encoded),"
         " not finite or not opaque, in all their channels.",
-        "Standard errors: those of independent noise as large as the residual. What the model"
-        " leaves out comes on top of them.",
+        "Standard errors: those of independent noise as large as the residual, or those by which"
+        " four images or more disagree, where that is more. What the model leaves out of all images"
+        " alike comes on top of them.",
         "Not identified: the images do not tell the coefficient to 10 % of its size, for noise of a"
         " thousandth of their maximum or as large as was found.",
     ]

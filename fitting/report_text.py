@@ -59,8 +59,9 @@ def fit_report(document: Document, *, truth: Document | None = None) -> str:
     sections.append(_intervals(document))
     sections.append(
         _wrapped(
-            "The standard errors (+/-) are those of independent noise as large as the residual;"
-            " what the model leaves out comes on top of them."
+            "The standard errors (+/-) are those of independent noise as large as the residual, or"
+            " those by which four images or more disagree, where that is more; what the model leaves"
+            " out of all images alike comes on top of them."
         )
     )
     sections += [
