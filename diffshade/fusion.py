@@ -52,9 +52,8 @@ def stored(compute: Callable[..., Any], *arguments: Any) -> Any:
     always = lax.optimization_barrier(jnp.ones((), bool))
     shapes = jax.eval_shape(compute, *arguments)
 
-    def as_asked(
-        *arguments: Any,
-    ) -> Any:  # a function of its own, for methods of modules have no hash
+    # A function of its own, for methods of modules have no hash
+    def as_asked(*arguments: Any) -> Any:
         return compute(*arguments)
 
     def never(*_: Any) -> Any:

@@ -8,8 +8,6 @@ arguments. A program that depends on a class of anybody else's is not kept.
 """
 
 import hashlib
-import os
-import secrets
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
@@ -21,6 +19,9 @@ from typing import Any
 import jax
 import numpy as np
 from jax import export
+
+from diffshade.errors import BadInput
+from diffshade.io.atomic import replacing
 
 __all__ = ["Kept"]
 
@@ -111,14 +112,10 @@ def _read(path: Path) -> export.Exported | None:
 
 def _write(path: Path, content: bytearray) -> None:
     """Whole or not at all; a folder that cannot be written to keeps nothing."""
-    temporary = path.with_name(f".{path.name}-{secrets.token_hex(8)}")
-    try:
+    with suppress(OSError, BadInput):
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink()
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
 
 
 @cache

@@ -78,7 +78,7 @@ def attempted(
     ones = np.ones(len(observed.photographs)) if gains else None
     minima = [
         polish(problem, observed, limit.box, basins.u[j], basins.k[j], weighting, ones)
-        for j in _worth(basins, np.inf if _is_robust(weighting) else RIVAL)
+        for j in _worth(basins, np.inf if _is_robust(weighting) else RIVAL * float(basins.cost[0]))
     ]
     minima.sort(key=lambda minimum: minimum.left(observed.count))
     best = minima[0]
@@ -118,11 +118,11 @@ def _is_robust(weighting: Weighting | None) -> bool:
     return weighting is not None and weighting.robust is not None
 
 
-def _worth(basins: Basins, rival: float) -> list[int]:
-    """The best, and those that are not the same and leave no more than so many times as much."""
+def _worth(basins: Basins, most: float) -> list[int]:
+    """The best, and those that are not the same and leave no more than the `most`."""
     chosen: list[int] = []
     for j, (u, cost) in enumerate(zip(basins.u, basins.cost, strict=True)):
         apart = all(np.abs(u - basins.u[i]).max(initial=0) > APART for i in chosen)
-        if not chosen or (cost <= rival * basins.cost[0] and apart and np.isfinite(cost)):
+        if not chosen or (cost <= most and apart and np.isfinite(cost)):
             chosen.append(j)
     return chosen

@@ -23,7 +23,7 @@ from fitting.inputs import Photograph, match
 from fitting.known_scale import scaled, unscaled
 from fitting.likelihood import rounding
 from fitting.limits import Bounds, Grid, Limits, ceiling_grid, limits
-from fitting.model import Model, coefficient, default_material, held_names, linear_names, model_of
+from fitting.model import Model, default_material, held_names, linear_names, model_of, sets_scale
 from fitting.observed import Observed
 from fitting.profile import profile
 from fitting.recovered import clamped_within
@@ -122,7 +122,7 @@ def fit(
             attenuation,
             np.asarray(distance, observed.dtype),
             fixed := _held_law(attenuation, held, photographs, distance),
-            scale_known=_sets_scale(start, held) or any(fixed),
+            scale_known=sets_scale(start, held) or any(fixed),
         )
         model = replace(model, gauge=gauge)
 
@@ -203,12 +203,6 @@ def _constants(attenuation: type[AbstractAttenuation] | None) -> tuple[str, ...]
             " take the scene's as known"
         )
     return tuple(f"attenuation.{name}" for name in CONSTANTS[attenuation])
-
-
-def _sets_scale(material: Material, held: frozenset[str]) -> bool:
-    """Whether a coefficient that is held says how much of the light a surface reflects."""
-    lit = held & set(linear_names(material)) - {"ka"}
-    return any(np.any(np.asarray(coefficient(material, name)) != 0) for name in lit)
 
 
 def _held_law(

@@ -22,7 +22,7 @@ from fitting.degeneracies import Seen, highlight_depths
 from fitting.distances import share_nearer
 from fitting.identify import Unidentified, unidentified
 from fitting.likelihood import Likelihood
-from fitting.model import linear_names
+from fitting.model import sets_scale
 from fitting.observed import Observed
 from fitting.profile import Profile
 from fitting.recovered import Recovery, clamped_within
@@ -196,7 +196,7 @@ class Fit:
         """What the images do not determine, and why."""
         minimum = self._best.minimum
         gauge = minimum.problem.model.gauge
-        known = any(np.any(self.coefficients[n] != 0) for n in self._held if n in self._lit_names)
+        known = sets_scale(minimum.problem.model.material, self._held)
         count = 0 if self.gains is None or known else len(self.gains)
         gains = tuple(f"gain.{k}" for k in range(count))
         return unidentified(
@@ -230,11 +230,6 @@ class Fit:
     def _free(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in by_name.items() if name not in self._held}
 
-    @property
-    def _lit_names(self) -> set[str]:
-        """The coefficients of the lights, whose scale gains share."""
-        return set(linear_names(self._best.minimum.problem.model.material)) - {"ka"}
-
     def _precision(self) -> AbstractContextManager[None]:
         """That of the fit, which whoever asks may not be in."""
         context: AbstractContextManager[None] = jax.enable_x64(self._dtype == np.float64)
@@ -259,8 +254,7 @@ class Fit:
     @cached_property
     def _uncertainty(self) -> Uncertainty:
         limit, minimum, recovery = self._best.limit, self._best.minimum, self._recovery
-        model, judge = minimum.problem.model, minimum.judge
-        robust = judge is not None and judge.weighting.robust is not None
+        model = minimum.problem.model
         edges = [
             np.append(linear, model.coordinates(of_u))
             for linear, of_u in zip((limit.lower, limit.upper), limit.box, strict=True)
@@ -272,7 +266,7 @@ class Fit:
             self.likelihood.observations - (0 if self.gains is None else len(self.gains) - 1),
             lambda k, y: recovery.coefficients(k, model.whole(y)),
             bounds=(edges[0], edges[1]),
-            noise=float(judge.scale) if judge is not None and robust else None,
+            noise=minimum.robust_noise,
             gains=minimum.at.gains,
             rounding=float(np.finfo(self._dtype).eps),
             image_pull=minimum.image_pull,

@@ -34,6 +34,7 @@ __all__ = [
     "held_names",
     "linear_names",
     "model_of",
+    "sets_scale",
     "shininess_names",
 ]
 
@@ -200,6 +201,12 @@ def linear_names(material: Material) -> tuple[str, ...]:
         *(("kd",) if material.kd is not None else ()),
         *(f"specular.{j}.ks" for j in range(len(material.specular))),
     )
+
+
+def sets_scale(material: Material, held: frozenset[str]) -> bool:
+    """Whether a coefficient that is held says how much of the light a surface reflects."""
+    lit = held & set(linear_names(material)) - {"ka"}
+    return any(np.any(np.asarray(coefficient(material, name)) != 0) for name in lit)
 
 
 def shininess_names(material: Material) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from fitting.basins import Box
 from fitting.linear import damped_step
 from fitting.observed import Observed
 from fitting.outliers import noise
@@ -24,7 +25,6 @@ __all__ = ["Minimum", "polish"]
 
 Unknowns = Float[np.ndarray, "q"]
 Linear = Float[np.ndarray, "C p"]
-Box = tuple[Unknowns, Unknowns]
 
 MAX_STEPS = 64
 MIN_ROUNDS, MAX_ROUNDS = 5, 60
@@ -67,14 +67,20 @@ class Minimum:
         """What is left of all images."""
         return float(self.image_cost.sum())
 
+    @property
+    def robust_noise(self) -> float | None:
+        """The noise beside the outliers, where these lost their weight."""
+        judge = self.judge
+        robust = judge is not None and judge.weighting.robust is not None
+        return float(judge.scale) if judge is not None and robust else None
+
     def left(self, observations: int) -> float:
         """What is left, by which minima compare; infinite where that is no number.
 
         Where each has outliers of its own it is the noise beside them that tells.
         """
-        judge = self.judge
-        robust = judge is not None and judge.weighting.robust is not None
-        left = observations * float(judge.scale) ** 2 if judge is not None and robust else self.cost
+        noise = self.robust_noise
+        left = self.cost if noise is None else observations * noise**2
         return left if np.isfinite(left) else np.inf
 
     @property

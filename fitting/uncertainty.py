@@ -122,7 +122,7 @@ def propagate(
     an observation, by default that of the residual, sqrt(cost / degrees of freedom), whose own error
     the intervals allow for by Student's t. `gains`, where they are unknown too, are eliminated.
     `rounding` is that of what was observed, by default that of k. `image_pull` is J'r of each image,
-    by which `_disagreement` judges.
+    by which `_scatter` judges.
 
     `report` gives named arrays, of many k and y at once where these have leading axes. A name that
     ends in "shininess" has its interval on the logarithm, on which its estimate is nearer to normal.
@@ -147,15 +147,17 @@ def propagate(
     bounded, pushed = _at_bounds(covariance, gradient * side, side != 0, sigma)
 
     unit_root = rows @ found.root
+    unit_error = np.linalg.norm(unit_root, axis=1)
     blind = _is_blind(rows, found)
     estimate = np.concatenate([np.ravel(value) for value in values.values()])
     reported = rows @ bounded @ rows.T * sigma**2
     error = np.sqrt(np.maximum(np.diagonal(reported), 0))
     reach = np.full(len(error), quantile(degrees) if noise is None else NORMAL)
     if image_pull is not None and len(image_pull) >= FEWEST_IMAGES:
-        wider = _disagreement(rows, covariance * sigma**2, image_pull / max(sigma, 1e-300) ** 2)
-        apart = ~blind & (wider > DISAGREE) & ~_rests(rows, covariance, side != 0)
-        wider = np.where(apart, wider, 1)
+        scatter, explained = _scatter(rows @ covariance, image_pull), sigma * unit_error
+        apart = ~blind & (explained > 0) & (scatter > DISAGREE * explained)
+        apart &= ~_rests(rows, covariance, side != 0)
+        wider = np.where(apart, scatter / np.where(apart, explained, 1), 1)
         reported, error = reported * np.outer(wider, wider), error * wider
         reach = np.where(apart, quantile(len(image_pull) - 1.0), reach)
 
@@ -185,7 +187,6 @@ def propagate(
         }
 
     ends_by_name = [by_name(end) for end in intervals]
-    unit_error = np.linalg.norm(unit_root, axis=1)
     return Uncertainty(
         values=values,
         standard_errors=by_name(np.where(blind, np.inf, error)),
@@ -200,21 +201,17 @@ def propagate(
     )
 
 
-def _disagreement(
-    rows: Float[np.ndarray, "m n"],
-    covariance: Float[np.ndarray, "n n"],
-    pull: Float[np.ndarray, "K n"],
+def _scatter(
+    influence: Float[np.ndarray, "m n"], pull: Float[np.ndarray, "K n"]
 ) -> Float[np.ndarray, "m"]:
-    """The error of each number that the images themselves show, over the one that noise explains.
+    """The errors that the images themselves show: how far apart each would move a number.
 
-    By how far each image would move a number says how far apart they are. One counts as one
-    observation of all, whatever its pixels have in common (Liang and Zeger 1986). `pull` is J'r of
-    each image over the variance of the noise; bounds are left aside.
+    One counts as one observation of all, whatever its pixels have in common (Liang and Zeger 1986).
+    Bounds are left aside.
     """
     count = len(pull)
-    scatter = np.linalg.norm(rows @ covariance @ (pull - pull.mean(axis=0)).T, axis=1)
-    error = np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", rows, covariance, rows), 0))
-    return scatter * sqrt(count / (count - 1)) / np.where(error > 0, error, np.inf)
+    apart = np.linalg.norm(influence @ (pull - pull.mean(axis=0)).T, axis=1)
+    return apart * sqrt(count / (count - 1))
 
 
 def _rests(

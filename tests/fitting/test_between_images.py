@@ -4,6 +4,7 @@ import json
 
 import imageio.v3 as iio
 import numpy as np
+import pytest
 from shared import shared_data
 
 import diffshade as ds
@@ -117,3 +118,13 @@ def test_noise_beside_a_bound_is_no_disagreement(rng: np.random.Generator) -> No
             alone = fit._uncertainty.unit_errors[name] * fit.noise
             widest = max(widest, float(np.max(fit.standard_errors[name] / alone)))
     assert widest <= 1 + 1e-6
+
+
+@pytest.mark.parametrize("robust", [None, "tukey"])
+def test_images_without_noise_or_light_do_not_disagree(robust: str | None) -> None:
+    """Where nothing is left, not even rounding, no error is divided by."""
+    black = [np.zeros((64, 64, 1), GBUFFER.normal.x.dtype) for _ in SCENES]
+    fit = fitting.fit(black, GBUFFER, SCENES, robust=robust)
+    assert fit.noise == 0
+    assert fit.standard_errors["kd"] == 0
+    assert np.isinf(fit.standard_errors["specular.0.shininess"])
