@@ -4,9 +4,10 @@ World axes: x right, y up, z towards an orthographic camera that looks along -z.
 top; the centre of the pixel in row i, column j is (j + 0.5, i + 0.5) in pixels from the top left.
 """
 
+import dataclasses
 import math
 from abc import abstractmethod
-from typing import NamedTuple, SupportsIndex
+from typing import NamedTuple, Self, SupportsIndex
 
 import equinox as eqx
 import jax
@@ -20,7 +21,7 @@ from diffshade.geometry.fields import count, number
 from diffshade.geometry.viewer import AbstractViewer, DistantViewer, Eye
 from diffshade.vector import Vec3, cross, unit
 
-__all__ = ["AbstractCamera", "OrthographicCamera", "PerspectiveCamera", "Rays"]
+__all__ = ["AbstractCamera", "Frame", "OrthographicCamera", "PerspectiveCamera", "Rays"]
 
 
 class Rays(NamedTuple):
@@ -28,6 +29,28 @@ class Rays(NamedTuple):
 
     origin: Vec3
     direction: Vec3
+
+
+class Frame(NamedTuple):
+    """An image's size in pixels, and that of the side which the field of view is measured along.
+
+    A program that is given it as an argument, beside a camera that is `unframed`, is one for images
+    of all sizes.
+    """
+
+    width: int | Int[Array, ""]
+    height: int | Int[Array, ""]
+    side: int | Int[Array, ""]
+
+    def points(
+        self, index: Int[Array, "P"], dtype: jnp.dtype
+    ) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
+        """Pixel centres from the image's centre, in sides: to the right, and upwards."""
+        row, column = jnp.divmod(index, jnp.asarray(self.width, index.dtype))
+        width, height, side = (jnp.asarray(size, dtype) for size in self)
+        x = column.astype(dtype) + (0.5 - width / 2)
+        y = (height / 2 - 0.5) - row.astype(dtype)
+        return x / side, y / side
 
 
 class AbstractCamera(eqx.Module):
@@ -44,9 +67,22 @@ class AbstractCamera(eqx.Module):
     def viewer(self) -> AbstractViewer:
         """The observer that this camera is."""
 
+    @property
     @abstractmethod
+    def frame(self) -> Frame:
+        """The image's size, and the side that the field of view is measured along."""
+
+    @abstractmethod
+    def through(self, x: Float[Array, "P"], y: Float[Array, "P"]) -> Rays:
+        """The rays through points of the image, as `Frame.points` gives them."""
+
     def rays(self, index: Int[Array, "P"]) -> Rays:
         """The rays through the centres of pixels, numbered row by row."""
+        return self.through(*self.frame.points(index, self.up.dtype))
+
+    def unframed(self) -> Self:
+        """The camera with an image of one pixel, the same for all sizes: `through` is as it was."""
+        return dataclasses.replace(self, width=1, height=1)
 
     @abstractmethod
     def check(self) -> None:
@@ -55,13 +91,6 @@ class AbstractCamera(eqx.Module):
     def axes(self) -> tuple[Vec3, Vec3, Vec3]:
         """Unit vectors to the right of the image, to its top, and towards the viewer."""
         return _axes(self.position, self.target, self.up)
-
-    def centred(self, index: Int[Array, "P"]) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
-        """Pixel centres from the image's centre, in pixels: to the right, and upwards."""
-        dtype = self.up.dtype
-        column = (index % self.width).astype(dtype)
-        row = (index // self.width).astype(dtype)
-        return column + (0.5 - self.width / 2), (self.height / 2 - 0.5) - row
 
     def _check_axes(self) -> None:
         right, _, back = np.asarray(_axis_rows(self.position, self.target, self.up))
@@ -136,13 +165,15 @@ class OrthographicCamera(AbstractCamera):
     def viewer(self) -> DistantViewer:
         return DistantViewer(self.axes()[2].to_array())
 
-    def rays(self, index: Int[Array, "P"]) -> Rays:
+    @property
+    def frame(self) -> Frame:
+        return Frame(self.width, self.height, side=self.width)
+
+    def through(self, x: Float[Array, "P"], y: Float[Array, "P"]) -> Rays:
         right, up, back = self.axes()
-        pixel = self.extent / self.width
-        x, y = self.centred(index)
         centre = jnp.zeros_like(self.up) if self.position is None else self.position
         return Rays(
-            Vec3.from_array(centre) + right * (x * pixel) + up * (y * pixel),
+            Vec3.from_array(centre) + right * (x * self.extent) + up * (y * self.extent),
             -back,
         )
 
@@ -171,11 +202,14 @@ class PerspectiveCamera(AbstractCamera):
     def viewer(self) -> Eye:
         return Eye(self.position)
 
-    def rays(self, index: Int[Array, "P"]) -> Rays:
+    @property
+    def frame(self) -> Frame:
+        return Frame(self.width, self.height, side=self.height)
+
+    def through(self, x: Float[Array, "P"], y: Float[Array, "P"]) -> Rays:
         right, up, back = self.axes()
-        pixel = 2 * jnp.tan(self.fov / 2) / self.height
-        x, y = self.centred(index)
-        direction = unit(right * (x * pixel) + up * (y * pixel) - back)
+        high = 2 * jnp.tan(self.fov / 2)  # the image at distance 1
+        direction = unit(right * (x * high) + up * (y * high) - back)
         return Rays(Vec3.from_array(self.position), direction)
 
     def check(self) -> None:

@@ -47,9 +47,12 @@ def indices(name: str) -> Callable[[Any], Int[Array, "..."]]:
     """A field converter for whole numbers that count from 0."""
 
     def convert(value: Any) -> Int[Array, "..."]:
-        array = value if isinstance(value, jax.Array) else np.asarray(value)
-        if not jnp.issubdtype(array.dtype, jnp.integer):
-            raise BadInput(f"{name} holds {array.dtype} numbers: give whole numbers")
-        return jnp.asarray(array, dtype=jnp.int32)
+        if not isinstance(value, jax.Array):
+            value = np.array(
+                value
+            )  # a copy: JAX may share memory that its owner can still write to
+        if not jnp.issubdtype(value.dtype, jnp.integer):
+            raise BadInput(f"{name} holds {value.dtype} numbers: give whole numbers")
+        return jnp.asarray(value, dtype=jnp.int32)
 
     return convert

@@ -10,7 +10,7 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 from diffshade.errors import BadInput
-from diffshade.geometry.camera import AbstractCamera
+from diffshade.geometry.camera import Rays
 from diffshade.geometry.mesh import Mesh
 from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.vector import Vec3
@@ -69,19 +69,15 @@ class AbstractFrequency(eqx.Module):
     """A choice of the points that are shaded."""
 
     @abstractmethod
-    def samples(
-        self, geometry: AbstractSurface, camera: AbstractCamera, visibility: Visibility
-    ) -> Samples:
-        """The points, differentiable in the geometry."""
+    def samples(self, geometry: AbstractSurface, rays: Rays, visibility: Visibility) -> Samples:
+        """The points, differentiable in the geometry and the visible pixels' rays."""
 
 
 class PhongShading(AbstractFrequency):
     """Every pixel is shaded, with the interpolated and renormalised normal (text B)."""
 
-    def samples(
-        self, geometry: AbstractSurface, camera: AbstractCamera, visibility: Visibility
-    ) -> Samples:
-        position, normal = geometry.points(camera, visibility)
+    def samples(self, geometry: AbstractSurface, rays: Rays, visibility: Visibility) -> Samples:
+        position, normal = geometry.points(rays, visibility)
         slot = None
         if isinstance(geometry, Mesh) and geometry.slot is not None:
             slot = geometry.slot[visibility.on_mesh()[0]]
@@ -94,9 +90,7 @@ class FlatShading(AbstractFrequency):
     It is adequate where light and viewer are far from the mesh.
     """
 
-    def samples(
-        self, geometry: AbstractSurface, camera: AbstractCamera, visibility: Visibility
-    ) -> Samples:
+    def samples(self, geometry: AbstractSurface, rays: Rays, visibility: Visibility) -> Samples:
         mesh = _mesh(geometry, self)
         face, _ = visibility.on_mesh()
         a, b, c = mesh.corners()
@@ -112,9 +106,7 @@ class GouraudShading(AbstractFrequency):
     Highlights that fall between vertices are lost; that is the method, not an error.
     """
 
-    def samples(
-        self, geometry: AbstractSurface, camera: AbstractCamera, visibility: Visibility
-    ) -> Samples:
+    def samples(self, geometry: AbstractSurface, rays: Rays, visibility: Visibility) -> Samples:
         mesh = _mesh(geometry, self)
         if mesh.slot is not None:
             raise BadInput(

@@ -1,5 +1,6 @@
 """The G-buffer: what shading needs to know of the surface behind each foreground pixel."""
 
+import dataclasses
 from contextlib import nullcontext
 
 import equinox as eqx
@@ -9,9 +10,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from diffshade.arrays import ArrayLike, is_concrete, is_outermost, vector
+from diffshade.buckets import bucket, cut, pad
 from diffshade.errors import BadInput
-from diffshade.geometry.camera import AbstractCamera
-from diffshade.geometry.frequency import AbstractFrequency, PhongShading, Spread
+from diffshade.geometry.camera import AbstractCamera, Frame
+from diffshade.geometry.frequency import AbstractFrequency, PhongShading, Samples, Spread
 from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.geometry.viewer import AbstractViewer, DistantViewer, Eye
 from diffshade.vector import Vec3, unit
@@ -52,15 +54,15 @@ class GBuffer(eqx.Module):
 
     def to_image(self, planes: Planes) -> Shaped[Array, "H W C"]:
         """An image [H, W, C] from one plane a channel over the foreground; background is 0."""
-        count = self.shape[0] * self.shape[1]
+        rows = jnp.stack(planes, axis=-1)
         if self.index is not None:
-            planes = tuple(
-                jnp.zeros(count, plane.dtype)
+            count = self.shape[0] * self.shape[1]
+            rows = (
+                jnp.zeros((count, len(planes)), rows.dtype)
                 .at[self.index]
-                .set(plane, unique_indices=True, indices_are_sorted=True)
-                for plane in planes
+                .set(rows, unique_indices=True, indices_are_sorted=True)
             )
-        return jnp.stack(planes, axis=-1).reshape(*self.shape, len(planes))
+        return rows.reshape(*self.shape, len(planes))
 
     def from_image(self, image: Float[Array, "H W C"]) -> Float[Array, "C P"]:
         """The foreground of an image [H, W, C], one plane a channel."""
@@ -147,7 +149,9 @@ def gbuffer(
 
     With `visibility` given it is jittable, and differentiable in the geometry and the camera at
     fixed visibility: the silhouette does not move. `shading` is how often a mesh is shaded:
-    `PhongShading()` (a pixel each, the default), `FlatShading()` or `GouraudShading()`.
+    `PhongShading()` (a pixel each, the default), `FlatShading()` or `GouraudShading()`. Called
+    outermost it is one program for many sizes of image, and geometry that has not changed is not
+    cast at again.
 
     >>> from diffshade.geometry.camera import OrthographicCamera
     >>> from diffshade.geometry.sphere import Sphere
@@ -160,30 +164,60 @@ def gbuffer(
             f"the visibility is of {seen.shape[0]} x {seen.shape[1]} pixels, and the camera has"
             f" {camera.height} x {camera.width}: compute it for this camera"
         )
-    return _gbuffer(geometry, camera, seen, PhongShading() if shading is None else shading)
+    shading = PhongShading() if shading is None else shading
+    alone = is_outermost() and is_concrete((geometry, camera, seen, shading))
+    samples, viewer = (_in_bucket if alone else _samples)(geometry, camera, seen, shading)
+    everywhere = seen.index.shape[0] == camera.width * camera.height
+    return GBuffer(
+        shape=seen.shape,
+        normal=samples.normal,
+        viewer=viewer,
+        position=samples.position,
+        index=None if everywhere else seen.index,
+        slot=samples.slot,
+        spread=samples.spread,
+    )
 
 
 _visibility = visibility
 
 
-@jax.jit
-def _gbuffer(
+def _in_bucket(
     geometry: AbstractSurface,
     camera: AbstractCamera,
-    visibility: Visibility,
+    seen: Visibility,
     shading: AbstractFrequency,
-) -> GBuffer:
-    samples = shading.samples(geometry, camera, visibility)
-    everywhere = visibility.index.shape[0] == camera.width * camera.height
-    return GBuffer(
-        shape=visibility.shape,
-        normal=samples.normal,
-        viewer=camera.viewer,
-        position=samples.position,
-        index=None if everywhere else visibility.index,
-        slot=samples.slot,
-        spread=samples.spread,
-    )
+) -> tuple[Samples, AbstractViewer]:
+    """`_samples`, by a program that serves all images with about as many foreground pixels."""
+    count = seen.index.shape[0]
+    more = dataclasses.replace(pad(seen, bucket(count)), shape=(1, 1))
+    samples, viewer = _sized(geometry.prepared(), camera.unframed(), camera.frame, more, shading)
+    if samples.spread is None:
+        return cut(samples, count), viewer
+    spread = cut(samples.spread, count)  # the samples are faces or vertices
+    return dataclasses.replace(samples, spread=spread), viewer
+
+
+def _samples(
+    geometry: AbstractSurface,
+    camera: AbstractCamera,
+    seen: Visibility,
+    shading: AbstractFrequency,
+) -> tuple[Samples, AbstractViewer]:
+    """What is shaded, and the viewer."""
+    return _sized(geometry, camera, camera.frame, seen, shading)
+
+
+@jax.jit
+def _sized(
+    geometry: AbstractSurface,
+    camera: AbstractCamera,
+    frame: Frame,
+    seen: Visibility,
+    shading: AbstractFrequency,
+) -> tuple[Samples, AbstractViewer]:
+    rays = camera.through(*frame.points(seen.index, camera.up.dtype))
+    return shading.samples(geometry, rays, seen), camera.viewer
 
 
 def _image_of_vectors(name: str, value: ArrayLike, shape: tuple[int, int] | None) -> Array:
@@ -230,7 +264,7 @@ def _foreground(
             _refuse(~np.isfinite(image).all(-1) & inside, f"{name} is not finite")
     if is_concrete(normal):
         _refuse((np.asarray(normal) == 0).all(-1) & inside, "normal is zero")
-    return None if inside.all() else jnp.asarray(np.flatnonzero(inside), dtype=jnp.int32)
+    return None if inside.all() else jnp.asarray(np.flatnonzero(inside).astype(np.int32))
 
 
 def _refuse(bad: Bool[np.ndarray, "H W"], what: str) -> None:

@@ -3,14 +3,18 @@
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from diffshade.arrays import floats, is_concrete, optional
 from diffshade.errors import BadInput
-from diffshade.geometry.camera import AbstractCamera
+from diffshade.fusion import stored
+from diffshade.geometry.camera import AbstractCamera, Rays
 from diffshade.geometry.fields import indices
 from diffshade.geometry.normals import Weights, area_weights, plane_normals, vertex_normals
+from diffshade.geometry.remembered import remembered
 from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.vector import Vec3, unit
 
@@ -98,14 +102,30 @@ class Mesh(AbstractSurface):
 
         return cast(self, camera)
 
-    def points(self, camera: AbstractCamera, visibility: Visibility) -> tuple[Vec3, Vec3]:
+    def prepared(self) -> "Mesh":
+        if self.normals is not None:
+            return self
+        normals = _vertex_normals(self.vertices, self.faces, self.weights)
+        return eqx.tree_at(lambda mesh: mesh.normals, self, normals, is_leaf=lambda x: x is None)
+
+    def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
         face, barycentric = visibility.on_mesh()
-        corners = self.faces[face].T
-        position = _interpolate(Vec3.from_array(self.vertices), corners, barycentric)
-        normal = _interpolate(self.vertex_normals(), corners, barycentric)
-        return position, unit(normal)
+        # Position and normal side by side: a vertex's six numbers are found at once, and once only.
+        values = jnp.concatenate([self.vertices, self.vertex_normals().to_array()], axis=1)
+        mean = stored(_interpolate, values, self.faces[face], barycentric)
+        return Vec3.from_array(mean[:, :3]), unit(Vec3.from_array(mean[:, 3:]))
 
 
-def _interpolate(values: Vec3, corners: Int[Array, "3 P"], weights: Vec3) -> Vec3:
-    a, b, c = (values[corner] for corner in corners)
-    return a * weights.x + b * weights.y + c * weights.z
+def _interpolate(
+    values: Float[Array, "V C"], corners: Int[Array, "P 3"], weights: Vec3
+) -> Float[Array, "P C"]:
+    a, b, c = (values[corners[:, k]] for k in range(3))
+    return a * weights.x[:, None] + b * weights.y[:, None] + c * weights.z[:, None]
+
+
+@remembered
+@jax.jit(static_argnums=2)
+def _vertex_normals(
+    vertices: Float[Array, "V 3"], faces: Int[Array, "F 3"], weights: Weights
+) -> Float[Array, "V 3"]:
+    return vertex_normals(vertices, faces, weights=weights).to_array()

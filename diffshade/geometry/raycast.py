@@ -3,10 +3,15 @@
 Embree works in single precision, so it is only asked *which* triangle a ray meets first, with the
 mesh moved and scaled to the unit sphere, and every ray started just in front of that sphere: a mesh
 may be tiny, huge or far from the origin. *Where* on the triangle is then computed again in double
-precision.
+precision, whatever JAX's own is.
+
+Embree runs on one core. Meanwhile the others compute the rays of the next block of pixels and the
+points on the triangles of the last, in programs that are the same for all sizes of image.
 """
 
 from collections.abc import Iterator
+from functools import partial
+from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
 import jax
@@ -14,24 +19,43 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from diffshade.buckets import bucket, pad
 from diffshade.errors import BadInput
-from diffshade.geometry.camera import AbstractCamera
+from diffshade.fusion import stored
+from diffshade.geometry.camera import AbstractCamera, Frame, Rays
 from diffshade.geometry.mesh import Mesh
+from diffshade.geometry.remembered import remembered
 from diffshade.geometry.surface import Visibility
-from diffshade.vector import Vec3
+from diffshade.vector import Vec3, cross, dot
 
 __all__ = ["cast"]
 
 BLOCK = 2**16
-"""Pixels in flight at once: some 25 MB, whatever the size of the image (larger is not faster)."""
+"""Pixels whose rays are in memory at once, whatever the size of the image."""
+
+VIEWS = 4
+"""How many cameras' views of a mesh are remembered."""
 
 
-class _Rays(NamedTuple):
-    """Rays in the mesh's unit coordinates, and the pixels that they go through."""
+class _Target(NamedTuple):
+    """A mesh that rays can be cast at, in its unit coordinates, and the last views of it."""
 
-    pixel: Int[np.ndarray, "R"]
-    origin: Float[np.ndarray, "R 3"]
-    direction: Float[np.ndarray, "R 3"]
+    scene: Any
+    solid: Int[np.ndarray, "S"]
+    """The faces that have an area: Embree knows only these."""
+    corners: Float[Array, "S 9"]
+    centre: Float[Array, "3"]
+    radius: Float[Array, ""]
+    views: dict[Any, Visibility]
+
+
+class _View(NamedTuple):
+    """What the programs know of a camera and of the mesh's sphere, as numbers."""
+
+    camera: AbstractCamera
+    frame: Frame
+    centre: Float[Array, "3"]
+    radius: Float[Array, ""]
 
 
 def cast(mesh: Mesh, camera: AbstractCamera) -> Visibility:
@@ -41,56 +65,65 @@ def cast(mesh: Mesh, camera: AbstractCamera) -> Visibility:
     from in front of everything. Both sides of a triangle are seen. Triangles without area, which
     `Mesh.degenerate` names, are left out; a mesh that nothing is seen of gives no pixels.
 
+    Embree's scene is kept while the mesh's vertices and faces live, and so is what the last cameras
+    saw: geometry that has not changed is not cast at again.
+
     Raises `BadInput` where there is nothing to see (no faces, or none with an area), where a face
     has a vertex that is not finite, and where Embree is not installed.
     """
-    corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]
-    _check(mesh, corners)
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    solid = np.flatnonzero(~mesh.degenerate())
+    target = _target(mesh.vertices, mesh.faces)
+    leaves, structure = jax.tree.flatten(camera)
+    key = structure, *((str(leaf.dtype), np.asarray(leaf).tobytes()) for leaf in leaves)
+    seen = target.views.pop(key, None)
+    if seen is None:
+        seen = _cast(target, camera, mesh.vertices.dtype)
+    target.views[key] = seen
+    for oldest in list(target.views)[:-VIEWS]:
+        target.views.pop(oldest, None)
+    return seen
+
+
+@remembered
+def _target(vertices: Float[Array, "V 3"], faces: Int[Array, "F 3"]) -> _Target:
+    points, triangles = np.asarray(vertices, np.float64), np.asarray(faces)
+    used = np.zeros(len(points), bool)
+    used[triangles] = True  # the other vertices may be anything
+    _check(points, triangles, used)
+    points, triangles = points[used], (np.cumsum(used) - 1)[triangles]
+    solid = np.flatnonzero(~Mesh(vertices, faces).degenerate())
     if not solid.size:
         raise BadInput(
-            f"none of the mesh's {len(corners)} triangles has an area: there is nothing to see"
+            f"none of the mesh's {len(triangles)} triangles has an area: there is nothing to see"
         )
-    corners = (corners[solid] - centre) / radius
-    scene = _embree(corners)
-
-    pixels, faces, weights = [], [], []
-    for rays in _rays(camera, centre, radius):
-        met = scene.run(rays.origin.astype(np.float32), rays.direction.astype(np.float32))
-        hit = np.flatnonzero(met >= 0)
-        barycentric, crosses = _barycentric(
-            corners[met[hit]], rays.origin[hit], rays.direction[hit]
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = np.linalg.norm(points - centre, axis=1).max()
+    points, triangles = (points - centre) / radius, triangles[solid].astype(np.int32)
+    scene = _embree(points.astype(np.float32), triangles)
+    with jax.enable_x64(True):
+        return _Target(
+            scene,
+            solid.astype(np.int32),
+            corners=jnp.asarray(points[triangles].reshape(-1, 9)),
+            centre=jnp.asarray(centre),
+            radius=jnp.asarray(radius),
+            views={},
         )
-        pixels.append(rays.pixel[hit][crosses])
-        faces.append(solid[met[hit]][crosses])
-        weights.append(barycentric[crosses])
-
-    barycentric = np.concatenate(weights).astype(mesh.vertices.dtype)
-    return Visibility(
-        (camera.height, camera.width),
-        index=jnp.asarray(np.concatenate(pixels), jnp.int32),
-        face=jnp.asarray(np.concatenate(faces), jnp.int32),
-        barycentric=Vec3.from_array(jnp.asarray(barycentric)),
-    )
 
 
-def _check(mesh: Mesh, corners: Float[np.ndarray, "F 3 3"]) -> None:
-    if not len(corners):
+def _check(
+    points: Float[np.ndarray, "V 3"], triangles: Int[np.ndarray, "F 3"], used: Bool[np.ndarray, "V"]
+) -> None:
+    if not len(triangles):
+        raise BadInput(f"the mesh has {len(points)} vertices and no faces: give it triangles")
+    bad = np.flatnonzero(used & ~np.isfinite(points).all(axis=1))
+    if bad.size:
         raise BadInput(
-            f"the mesh has {mesh.vertices.shape[0]} vertices and no faces: give it triangles"
-        )
-    finite = np.isfinite(corners).all(axis=2)
-    if not finite.all():
-        vertex = np.asarray(mesh.faces)[~finite]
-        raise BadInput(
-            f"{np.unique(vertex).size} vertices of the mesh are not finite, the first of them number"
-            f" {vertex.min()}: repair them, or leave out the faces that use them"
+            f"{bad.size} vertices of the mesh are not finite, the first of them number {bad[0]}:"
+            " repair them, or leave out the faces that use them"
         )
 
 
-def _embree(corners: Float[np.ndarray, "F 3 3"]) -> Any:
+def _embree(points: Float[np.ndarray, "U 3"], triangles: Int[np.ndarray, "S 3"]) -> Any:
     """An Embree scene of triangles, built so that no ray slips through an edge that two share."""
     try:
         from embreex.mesh_construction import TriangleMesh
@@ -102,58 +135,104 @@ def _embree(corners: Float[np.ndarray, "F 3 3"]) -> Any:
             " rays"
         ) from None
     scene = EmbreeScene(robust=True)
-    TriangleMesh(scene, np.ascontiguousarray(corners, np.float32))
+    TriangleMesh(scene, points, triangles)
     return scene
 
 
-def _rays(camera: AbstractCamera, centre: Float[np.ndarray, "3"], radius: float) -> Iterator[_Rays]:
-    """The rays that meet the mesh's sphere, block by block, each started just in front of it."""
-    total = camera.width * camera.height
-    count = min(BLOCK, total)
-    for start in range(0, total, count):
-        pixel = np.arange(start, min(start + count, total))
-        origin, direction = (
-            np.asarray(vectors, np.float64)[: pixel.size]
-            for vectors in _camera_rays(camera, start, count)
-        )
-        origin = (origin - centre) / radius
-        along = -(origin * direction).sum(axis=1)  # where the ray is closest to the centre
-        closest = origin + along[:, None] * direction
-        first = along - 1.5
-        meets = (closest**2).sum(axis=1) < 1 + 1e-6
-        if camera.position is not None:
-            meets &= along > -1.5
-            first = np.maximum(first, 0)
-        origin = closest + (first - along)[:, None] * direction
-        yield _Rays(pixel[meets], origin[meets], direction[meets])
+def _cast(target: _Target, camera: AbstractCamera, dtype: np.dtype) -> Visibility:
+    pixels, faces, points = [], [], []
+    with jax.enable_x64(True):
+        exact = jax.tree.map(partial(np.asarray, dtype=np.float64), camera.unframed())
+        view = _View(exact, camera.frame, target.centre, target.radius)
+        for pixel, ray in _blocks(view, camera.width * camera.height):
+            met = target.scene.run(ray[:, :3], ray[:, 3:])
+            hit = np.flatnonzero(met >= 0)
+            pixel, met = pixel.take(hit), met.take(hit)
+            where = pad((pixel, met), bucket(hit.size))
+            pixels.append(pixel)
+            faces.append(target.solid.take(met))
+            points.append(_barycentric(view, *where, target.corners, dtype))
+
+    def joined(*blocks: Any) -> np.ndarray:
+        parts = zip(blocks, pixels, strict=True)
+        return np.concatenate([np.asarray(block)[: pixel.size] for block, pixel in parts])
+
+    barycentric, crosses = jax.tree.map(joined, *points)
+    kept = slice(None) if crosses.all() else crosses
+    return Visibility(
+        (camera.height, camera.width),
+        index=jnp.asarray(joined(*pixels)[kept]),
+        face=jnp.asarray(joined(*faces)[kept]),
+        barycentric=jax.tree.map(lambda plane: jnp.asarray(plane[kept]), barycentric),
+    )
+
+
+def _blocks(view: _View, total: int) -> Iterator[tuple[Int[np.ndarray, "R"], Any]]:
+    """The pixels whose rays meet the mesh's sphere, block by block, and these rays.
+
+    A row is a ray's origin and direction: some of the rows are faster to pick than some of six planes.
+    """
+    count = min(BLOCK, bucket(total))
+    blocks = ((start, *_rays(view, np.int32(start), count)) for start in range(0, total, count))
+    following: Iterator[Any] = chain(blocks, [None])
+    for (start, rows, meets), _ in pairwise(following):  # the next block is under way
+        chosen = np.flatnonzero(np.asarray(meets)[: total - start])
+        yield (start + chosen).astype(np.int32), np.asarray(rows).take(chosen, axis=0)
 
 
 @jax.jit(static_argnames="count")
-def _camera_rays(
-    camera: AbstractCamera, start: Int[Array, ""], count: int
-) -> tuple[Float[Array, "R 3"], Float[Array, "R 3"]]:
-    rays = camera.rays(start + jnp.arange(count))
-    origin, direction = (jnp.broadcast_to(vectors.to_array(), (count, 3)) for vectors in rays)
-    return origin, direction
+def _rays(
+    view: _View, start: Int[Array, ""], count: int
+) -> tuple[Float[Array, "N 6"], Bool[Array, "N"]]:
+    """The rays through pixels, for Embree, and which of them meet the mesh's sphere."""
+    (o, d), meets = _approach(view, start + jnp.arange(count, dtype=jnp.int32))
+    d = Vec3(*(jnp.broadcast_to(plane, (count,)) for plane in (d.x, d.y, d.z)))
+    rows = jnp.stack([o.x, o.y, o.z, d.x, d.y, d.z], axis=1)
+    return rows.astype(jnp.float32), meets
 
 
+def _approach(view: _View, pixel: Int[Array, "N"]) -> tuple[Rays, Bool[Array, "N"]]:
+    """Pixels' rays in the mesh's unit coordinates, started just in front of its sphere; which meet it."""
+    camera = view.camera
+    origin, direction = camera.through(*view.frame.points(pixel, camera.up.dtype))
+    origin = (origin - Vec3.from_array(view.centre)) * (1 / view.radius)
+    along = -dot(origin, direction)  # where the ray is closest to the centre
+    closest = origin + along * direction
+    first = along - 1.5
+    meets = dot(closest, closest) < 1 + 1e-6
+    if camera.position is not None:
+        meets &= along > -1.5
+        first = jnp.maximum(first, 0)
+    return Rays(closest + (first - along) * direction, direction), meets
+
+
+@jax.jit(static_argnames="dtype")
 def _barycentric(
-    corners: Float[np.ndarray, "R 3 3"],
-    origin: Float[np.ndarray, "R 3"],
-    direction: Float[np.ndarray, "R 3"],
-) -> tuple[Float[np.ndarray, "R 3"], Bool[np.ndarray, "R"]]:
-    """Where rays cross their triangles' planes, and which of them do (Moeller and Trumbore 1997).
+    view: _View,
+    pixel: Int[Array, "N"],
+    triangle: Int[Array, "N"],
+    corners: Float[Array, "S 9"],
+    dtype: np.dtype,
+) -> tuple[Vec3, Bool[Array, "N"]]:
+    """Where pixels' rays cross their triangles' planes, and which do (Moeller and Trumbore 1997).
 
     With edges e1 = b - a, e2 = c - a, s = o - a and det = e1.(d x e2), the weights of b and c are
     s.(d x e2)/det and d.(s x e1)/det. A ray that Embree's rounding took past an edge is put on it:
     weights are at least 0, and their sum is 1.
     """
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    across = np.cross(direction, c - a)
-    det = ((b - a) * across).sum(axis=1)
+
+    def volumes() -> tuple[Float[Array, "N"], ...]:
+        (o, d), _ = _approach(view, pixel)
+        abc = corners.at[triangle].get(mode="promise_in_bounds")
+        a, b, c = (Vec3.from_array(abc[:, k : k + 3]) for k in (0, 3, 6))
+        s, e1, e2 = o - a, b - a, c - a
+        across = cross(d, e2)
+        return dot(e1, across), dot(s, across), dot(d, cross(s, e1))
+
+    det, by_b, by_c = stored(volumes)
     crosses = det != 0  # not in the plane itself
-    det = np.where(crosses, det, 1)
-    weight_b = ((origin - a) * across).sum(axis=1) / det
-    weight_c = (direction * np.cross(origin - a, b - a)).sum(axis=1) / det
-    weights = np.stack([1 - weight_b - weight_c, weight_b, weight_c], axis=1).clip(0, None)
-    return weights / weights.sum(axis=1, keepdims=True), crosses
+    det = jnp.where(crosses, det, 1)
+    weight_b, weight_c = by_b / det, by_c / det
+    weights = [jnp.maximum(weight, 0) for weight in (1 - weight_b - weight_c, weight_b, weight_c)]
+    scale = 1 / (weights[0] + weights[1] + weights[2])
+    return Vec3(*((weight * scale).astype(dtype) for weight in weights)), crosses

@@ -4,12 +4,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from diffshade import guard
 from diffshade.arrays import vector
+from diffshade.buckets import bucket
 from diffshade.errors import BadInput
-from diffshade.geometry.camera import AbstractCamera
+from diffshade.geometry.camera import AbstractCamera, Frame, Rays
 from diffshade.geometry.fields import number
 from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.vector import Vec3, dot
@@ -35,33 +36,33 @@ class Sphere(AbstractSurface):
     def visibility(self, camera: AbstractCamera) -> Visibility:
         if not float(self.radius) > 0:
             raise BadInput(f"the sphere's radius is {float(self.radius):g}: it must be above 0")
-        seen = np.asarray(_sees(self, camera, jnp.asarray(np.arange(camera.width * camera.height))))
-        return Visibility(
-            (camera.height, camera.width), jnp.asarray(np.flatnonzero(seen), dtype=jnp.int32)
-        )
+        count = camera.width * camera.height
+        seen = np.asarray(_sees(self, camera.unframed(), camera.frame, bucket(count)))[:count]
+        # Converted on the host: JAX would compile that for every number of pixels.
+        index = np.flatnonzero(seen).astype(np.int32)
+        return Visibility((camera.height, camera.width), jnp.asarray(index))
 
-    def points(self, camera: AbstractCamera, visibility: Visibility) -> tuple[Vec3, Vec3]:
-        origin, direction = camera.rays(visibility.index)
-        along, depth_squared = self._closest(camera, visibility.index)
+    def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
+        origin, direction = rays
+        along, depth_squared = self._closest(rays)
         # LIGHT-15: z = sqrt(r^2 - dx^2 - dy^2), measured back along the ray from its closest point
         # to the centre. Its derivative on the outline, where z = 0, is infinite; here it is 0 there.
         position = origin + direction * (along - guard.sqrt(depth_squared))
         normal = (position - Vec3.from_array(self.center)) * (1 / self.radius)  # LIGHT-16
         return position, normal
 
-    def _closest(
-        self, camera: AbstractCamera, index: Int[Array, "P"]
-    ) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
+    def _closest(self, rays: Rays) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
         """Of each ray, where it passes closest to the centre, and the z^2 of LIGHT-15 there."""
-        origin, direction = camera.rays(index)
+        origin, direction = rays
         to_centre = Vec3.from_array(self.center) - origin
         along = dot(to_centre, direction)
         across = to_centre - direction * along
         return along, self.radius**2 - dot(across, across)
 
 
-@jax.jit
-def _sees(sphere: Sphere, camera: AbstractCamera, pixels: Int[Array, "N"]) -> Bool[Array, "N"]:
-    along, depth_squared = sphere._closest(camera, pixels)
+@jax.jit(static_argnames="count")
+def _sees(sphere: Sphere, camera: AbstractCamera, frame: Frame, count: int) -> Bool[Array, "N"]:
+    pixels = frame.points(jnp.arange(count, dtype=jnp.int32), camera.up.dtype)
+    along, depth_squared = sphere._closest(camera.through(*pixels))
     in_front = camera.position is None or along - guard.sqrt(depth_squared) > 0
     return (depth_squared >= 0) & in_front

@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Int
 
 from diffshade.errors import BadInput
-from diffshade.geometry.camera import AbstractCamera
+from diffshade.geometry.camera import AbstractCamera, Rays
 from diffshade.vector import Vec3
 
 __all__ = ["AbstractSurface", "Visibility"]
@@ -42,5 +42,9 @@ class AbstractSurface(eqx.Module):
         """Which pixels see it, from concrete values."""
 
     @abstractmethod
-    def points(self, camera: AbstractCamera, visibility: Visibility) -> tuple[Vec3, Vec3]:
-        """Positions and unit normals at the visible pixels, differentiable in surface and camera."""
+    def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
+        """Positions and unit normals where the visible pixels' rays meet it, differentiable in both."""
+
+    def prepared(self) -> "AbstractSurface":
+        """The same surface, with what takes long and every camera needs computed beforehand."""
+        return self

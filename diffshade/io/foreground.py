@@ -29,6 +29,7 @@ def masked_gbuffer(
 ) -> GBuffer:
     """The G-buffer of a surface where a camera sees it inside the mask; `BadInput` if nowhere."""
     import jax
+    import jax.numpy as jnp
 
     from diffshade.geometry.gbuffer import gbuffer, visibility
 
@@ -40,7 +41,8 @@ def masked_gbuffer(
         where = "" if mask is None else " inside the mask"
         raise BadInput(f"the camera sees nothing of the surface{where}; check geometry and camera")
     if mask is not None:
-        seen = jax.tree.map(lambda values: values[keep], seen)
+        # On the host: a program would be one for that number of pixels.
+        seen = jax.tree.map(lambda values: jnp.asarray(np.asarray(values)[keep]), seen)
     return gbuffer(geometry, camera, seen, shading=shading)
 
 

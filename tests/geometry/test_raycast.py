@@ -1,6 +1,8 @@
 """Visibility of meshes, against every ray tried with every triangle."""
 
+import gc
 import sys
+import weakref
 
 import jax.numpy as jnp
 import numpy as np
@@ -139,10 +141,10 @@ def test_both_sides_are_seen():
 
 
 def test_blocks_join_without_a_seam(monkeypatch):
-    mesh, camera = ds.Mesh(*icosphere(2)), ds.OrthographicCamera(37, 29, 2.5)
-    whole = ds.visibility(mesh, camera)
+    camera = ds.OrthographicCamera(37, 29, 2.5)
+    whole = ds.visibility(ds.Mesh(*icosphere(2)), camera)
     monkeypatch.setattr(raycast, "BLOCK", 100)
-    parts = ds.visibility(mesh, camera)
+    parts = ds.visibility(ds.Mesh(*icosphere(2)), camera)
     np.testing.assert_array_equal(parts.index, whole.index)
     np.testing.assert_array_equal(parts.face, whole.face)
     np.testing.assert_array_equal(weights_of(parts), weights_of(whole))
@@ -196,3 +198,100 @@ def test_without_embree_a_mesh_is_refused_and_a_sphere_is_not(monkeypatch):
     with pytest.raises(ds.BadInput, match="pip install embreex"):
         ds.visibility(cube(), camera)
     assert ds.visibility(ds.Sphere(), camera).index.size == 16
+
+
+class Counted:
+    """Calls of what it stands for."""
+
+    def __init__(self, function):
+        self.function, self.calls = function, 0
+
+    def __call__(self, *arguments):
+        self.calls += 1
+        return self.function(*arguments)
+
+
+@pytest.fixture
+def count(monkeypatch):
+    """A way to count the calls of one of the ray caster's functions."""
+
+    def watch(name):
+        counted = Counted(getattr(raycast, name))
+        monkeypatch.setattr(raycast, name, counted)
+        return counted
+
+    return watch
+
+
+def test_unchanged_geometry_is_not_cast_at_again(count):
+    built, cast = count("_embree"), count("_cast")
+    vertices, faces = icosphere(2)
+    mesh = ds.Mesh(vertices, faces)
+    first = ds.visibility(mesh, ds.OrthographicCamera(31, 23, 2.5))
+    again = ds.visibility(mesh, ds.OrthographicCamera(31, 23, 2.5))
+    assert again is first
+    # Another mesh of the same arrays is the same geometry, whatever else it has.
+    ds.gbuffer(ds.Mesh(mesh.vertices, mesh.faces, slot=np.arange(320)), CAMERAS["orthographic"])
+    assert (built.calls, cast.calls) == (1, 2)
+    ds.visibility(ds.Mesh(vertices, faces), ds.OrthographicCamera(31, 23, 2.5))
+    assert (built.calls, cast.calls) == (2, 3)
+
+
+def test_another_camera_sees_something_else(count):
+    built, cast = count("_embree"), count("_cast")
+    mesh = ds.Mesh(*icosphere(2))
+    views = [
+        ds.OrthographicCamera(31, 23, 2.5),
+        ds.OrthographicCamera(23, 31, 2.5),
+        ds.OrthographicCamera(31, 23, 2.6),
+        ds.OrthographicCamera(31, 23, 2.5, position=(0, 0, 3)),
+        ds.PerspectiveCamera(31, 23, 2.5, position=(0, 0, 3)),
+    ]
+    seen = [ds.visibility(mesh, view) for view in views]
+    assert (built.calls, cast.calls) == (1, len(views))
+    assert [s.shape for s in seen[:2]] == [(23, 31), (31, 23)]
+    assert seen[2].index.size < seen[0].index.size
+    # The last few are remembered, and no more.
+    assert len(views) == raycast.VIEWS + 1
+    for view in views[1:]:
+        ds.visibility(mesh, view)
+    assert cast.calls == len(views)
+    ds.visibility(mesh, views[0])
+    assert cast.calls == len(views) + 1
+
+
+def test_what_is_remembered_goes_with_the_mesh():
+    mesh = ds.Mesh(*icosphere(2))
+    ds.gbuffer(mesh, CAMERAS["orthographic"])
+    arrays = [weakref.ref(array) for array in (mesh.vertices, mesh.faces)]
+    views = weakref.ref(ds.visibility(mesh, CAMERAS["orthographic"]).index)
+    del mesh
+    gc.collect()
+    assert [array() for array in arrays] == [None, None]
+    assert views() is None
+
+
+def test_the_owner_of_an_array_may_write_to_it():
+    faces = CUBE_FACES.astype(np.int32)
+    mesh = ds.Mesh(CUBE, faces)
+    faces[:] = 0
+    np.testing.assert_array_equal(mesh.faces, CUBE_FACES)
+
+
+def test_points_are_those_of_double_precision(precise_case):
+    """Whatever JAX's own precision: the error is that of the rounded result alone."""
+    mesh, camera = precise_case
+    seen = ds.visibility(mesh, camera)
+    _, face, weights, _ = brute_force(mesh, camera)
+    same = np.asarray(seen.face) == face
+    assert same.mean() > 0.9
+    eps = np.finfo(mesh.vertices.dtype).eps
+    np.testing.assert_allclose(weights_of(seen)[same], weights[same], atol=max(2 * eps, 1e-13))
+
+
+@pytest.fixture
+def precise_case():
+    # Rays and vertices that single precision holds exactly, so that the reference has no error.
+    vertices = np.round(64 * np.concatenate([CUBE, [[0.3, 0.2, 1.7]]])) / 64
+    mesh = ds.Mesh(vertices, np.concatenate([CUBE_FACES, [[0, 4, 8], [1, 5, 8], [3, 7, 8]]]))
+    return mesh, ds.OrthographicCamera(64, 64, 4.0)

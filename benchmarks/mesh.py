@@ -1,0 +1,133 @@
+"""The G-buffer of a mesh: its time over that of the bare ray cast, and where the time goes.
+
+    python -m benchmarks.mesh
+
+The bare cast is Embree's alone, of ready rays in single precision at a scene that is built. Every
+figure is a median over rounds in which all that is compared takes its turn; ratios are medians of the
+rounds' own ratios. Embree keeps one core busy; the rest of the work is done on as many as are free.
+"""
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import diffshade as ds
+from diffshade.geometry import raycast
+
+__all__ = ["icosphere"]
+
+Turns = dict[str, Callable[[], Any]]
+
+
+def icosphere(levels: int) -> ds.Mesh:
+    """20 * 4**levels triangles, with all vertices on the unit sphere, in single precision."""
+    golden = (1 + 5**0.5) / 2
+    signs = [(a, b) for a in (-1, 1) for b in (-golden, golden)]
+    corners = np.array([np.roll([0, a, b], axis) for axis in range(3) for a, b in signs])
+    near = np.linalg.norm(corners[:, None] - corners, axis=-1) < 2.1
+    triples = np.argwhere(near[:, :, None] & near[:, None] & near[None])
+    triangles = corners[triples[(np.diff(triples, axis=1) > 0).all(axis=1)]]
+    inwards = np.linalg.det(triangles) < 0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    for _ in range(levels):
+        a, b, c = np.moveaxis(triangles, 1, 0)
+        ab, bc, ca = a + b, b + c, c + a
+        split = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        triangles = np.concatenate([np.stack(three, axis=1) for three in split])
+        triangles /= np.linalg.norm(triangles, axis=-1, keepdims=True)
+    points = triangles.reshape(-1, 3)
+    _, first, number = np.unique(
+        np.round(points, 9) + 0.0, axis=0, return_index=True, return_inverse=True
+    )
+    return ds.Mesh(points[first].astype(np.float32), number.reshape(-1, 3))
+
+
+def measured(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> Turns:
+    """What takes its turn in a round."""
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    origin, direction = (
+        np.broadcast_to(np.asarray(plane.to_array(), np.float32), (camera.width**2, 3)).copy()
+        for plane in camera.rays(jnp.arange(camera.width**2))
+    )
+    origin += np.float32([0, 0, 2])  # in front of the sphere
+    scene = raycast._embree(points, triangles)
+    target = raycast._target(mesh.vertices, mesh.faces)
+    seen = ds.visibility(mesh, camera)
+
+    def built_and_cast() -> None:
+        raycast._embree(points, triangles).run(origin, direction)
+
+    def cast(make: Callable[..., Any]) -> Callable[[], Any]:
+        def again() -> Any:
+            target.views.clear()
+            return jax.block_until_ready(make(mesh, camera))
+
+        return again
+
+    def from_new_arrays() -> Any:
+        new = ds.Mesh(jnp.array(mesh.vertices), jnp.array(mesh.faces))
+        return jax.block_until_ready(ds.gbuffer(new, camera))
+
+    return {
+        "bare cast": lambda: scene.run(origin, direction),
+        "G-buffer": cast(ds.gbuffer),
+        "of it the visibility": cast(ds.visibility),
+        "of it the interpolation": lambda: jax.block_until_ready(ds.gbuffer(mesh, camera, seen)),
+        "unchanged geometry": lambda: jax.block_until_ready(ds.gbuffer(mesh, camera)),
+        "bare cast and building the scene": built_and_cast,
+        "G-buffer of new geometry": from_new_arrays,
+    }
+
+
+def table(turns: Turns, rounds: int) -> str:
+    """Milliseconds, and the ratio to the bare cast, as Markdown."""
+    for turn in turns.values():
+        turn()  # compiles
+    seen: dict[str, list[float]] = {name: [] for name in turns}
+    for _ in range(rounds):
+        for name, turn in turns.items():
+            before = time.perf_counter()
+            turn()
+            seen[name].append(time.perf_counter() - before)
+    lines = ["| | ms | over the bare cast | over it and building |", "|---|---|---|---|"]
+    for name, times in seen.items():
+        ratios = [
+            statistics.median(x / y for x, y in zip(times, seen[bare], strict=True))
+            for bare in ("bare cast", "bare cast and building the scene")
+        ]
+        lines.append(
+            f"| {name} | {1e3 * statistics.median(times):.1f} | {ratios[0]:.2f} | {ratios[1]:.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--levels", type=int, default=6, help="subdivisions of the icosahedron")
+    parser.add_argument("--size", type=int, default=512, help="pixels a side")
+    parser.add_argument("--extent", type=float, default=2.4, help="the image's width in radii")
+    parser.add_argument("--rounds", type=int, default=25)
+    options = parser.parse_args()
+    mesh = icosphere(options.levels)
+    camera = ds.OrthographicCamera(options.size, options.size, options.extent)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    print(
+        f"{mesh.faces.shape[0]} triangles, {options.size} x {options.size} pixels, of which"
+        f" {ds.gbuffer(mesh, camera).pixel_count} see the mesh; {cores} cores, load"
+        f" {os.getloadavg()[0]:.1f}\n"
+    )
+    print(table(measured(mesh, camera), options.rounds))
+
+
+if __name__ == "__main__":
+    main()
