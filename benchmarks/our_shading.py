@@ -1,0 +1,85 @@
+"""Our own shading in the form of the rivals: from planes, through the public interface."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import diffshade as ds
+from diffshade.geometry.viewer import Eye
+from diffshade.shading.image import image_planes
+from diffshade.shading.kept_geometry import KeptGeometry
+from diffshade.vector import Vec3
+
+__all__ = ["forward", "gradient", "prepared"]
+
+
+def prepared(
+    points: np.ndarray, normals: np.ndarray, eye: np.ndarray, scene: dict[str, Any]
+) -> tuple[ds.GBuffer, ds.Scene, ds.Material]:
+    """G-buffer, scene and material: the foreground is an image of one row."""
+    gbuffer = ds.GBuffer(
+        shape=(1, points.shape[1]),
+        normal=Vec3(*(jnp.asarray(x) for x in normals)),
+        viewer=Eye(np.asarray(eye, np.float32)),
+        position=Vec3(*(jnp.asarray(x) for x in points)),
+    )
+    constants = scene["constants"]
+    law = None if constants is None else ds.QuadraticAttenuation(*constants)
+    lights = tuple(
+        ds.PointLight(position, intensity, law)
+        for position, intensity in zip(
+            np.asarray(scene["positions"]).tolist(),
+            np.asarray(scene["intensities"]).tolist(),
+            strict=True,
+        )
+    )
+    lobe = ds.Phong(ks=scene["ks"], shininess=scene["shininess"])
+    material = ds.Material(ka=scene["ka"], kd=scene["kd"], specular=lobe)
+    return gbuffer, ds.Scene(scene["ambient"], lights), material
+
+
+def forward(
+    points: np.ndarray, normals: np.ndarray, eye: np.ndarray, scene: dict[str, Any]
+) -> Callable[[], Any]:
+    """The image's planes: what `render` compiles, without the placing into an image."""
+    gbuffer, lit, material = prepared(points, normals, eye, scene)
+    surface = KeptGeometry(gbuffer, None)
+    shade = jax.jit(
+        lambda *a: image_planes(*a, plain=False), compiler_options=ds.compiler_options()
+    )
+    return lambda: jax.block_until_ready(shade(surface, lit, material))
+
+
+def gradient(
+    points: np.ndarray,
+    normals: np.ndarray,
+    eye: np.ndarray,
+    scene: dict[str, Any],
+    target: np.ndarray,
+    kept: bool = False,
+) -> Callable[[], tuple[float, np.ndarray]]:
+    """The loss and its 13 derivatives; `kept`: the geometry is kept from call to call."""
+    gbuffer, lit, material = prepared(points, normals, eye, scene)
+    surface = ds.keep_geometry(gbuffer, lit, material) if kept else gbuffer
+    observed = jnp.asarray(target)
+    law = lit.lights[0].attenuation
+
+    def loss(moving: Any, surface: Any, lit: ds.Scene, observed: jax.Array) -> jax.Array:
+        material, law = moving
+        lights = tuple(ds.PointLight(x.position, x.intensity, law) for x in lit.lights)
+        under = ds.Scene(lit.ambient, lights)
+        return ds.mean_squared_error(surface, under, material, observed)
+
+    step = jax.jit(jax.value_and_grad(loss), compiler_options=ds.compiler_options())
+
+    def call() -> tuple[float, np.ndarray]:
+        value, (by_material, by_law) = step((material, law), surface, lit, observed)
+        lobe = by_material.specular[0]
+        parts = (by_material.ka, by_material.kd, lobe.ks, lobe.shininess[None])
+        constants = np.array([by_law.c0, by_law.c1, by_law.c2])
+        return float(value), np.concatenate([*parts, constants])
+
+    return call
