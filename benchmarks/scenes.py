@@ -4,7 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Case", "numbers", "ours"]
+__all__ = ["EYE", "Case", "numbers", "ours", "perspective"]
+
+EYE = (0.0, 0.0, 6.0)
+FOV = 0.375
+"""In radians: the ball's outline, at 0.335, fills the image as in an orthographic one of extent 2.2."""
 
 
 class Case(NamedTuple):
@@ -35,12 +39,22 @@ def numbers(case: Case) -> dict[str, Any]:
     }
 
 
-def ours(case: Case) -> tuple[Any, Any, Any]:
+def perspective(case: Case) -> Any:
+    """A camera at `EYE` that sees the ball as large as the orthographic one does."""
+    import diffshade as ds
+
+    return ds.PerspectiveCamera(
+        case.size, case.size, fov=FOV, position=EYE, target=(0, 0, 0), up=(0, 1, 0)
+    )
+
+
+def ours(case: Case, camera: Any = None) -> tuple[Any, Any, Any]:
     """G-buffer, scene and material, by the public interface alone, so that old versions run it."""
     import diffshade as ds
 
     plain = numbers(case)
-    camera = ds.OrthographicCamera(width=case.size, height=case.size, extent=plain["extent"])
+    if camera is None:
+        camera = ds.OrthographicCamera(width=case.size, height=case.size, extent=plain["extent"])
     constants = plain["constants"]
     lights = tuple(
         ds.PointLight(

@@ -40,20 +40,40 @@ def forward(case: Case) -> tuple[Callable[[], Any], int]:
 
 
 def gradient(case: Case) -> tuple[Callable[[], Any], int]:
-    """Squared error and its gradient in ka, kd, ks, n and the attenuation's constants."""
+    """Squared error and its gradient in ka, kd, ks, n and the attenuation's constants.
+
+    The loss is written over the image of `render`, as every version can.
+    """
+    import diffshade as ds
+
+    def loss(gbuffer: Any, scene: Any, material: Any, target: Any) -> Any:
+        return ((ds.render(gbuffer, scene, material) - target) ** 2).mean()
+
+    return _gradient(case, loss, lambda gbuffer, image: image)
+
+
+def squared_error(case: Case) -> tuple[Callable[[], Any], int]:
+    """The same by `mean_squared_error`."""
+    import diffshade as ds
+
+    return _gradient(case, ds.mean_squared_error, lambda gbuffer, image: gbuffer.from_image(image))
+
+
+def _gradient(
+    case: Case, error: Callable[..., Any], observed: Callable[..., Any]
+) -> tuple[Callable[[], Any], int]:
     import jax
 
     import diffshade as ds
 
     gbuffer, scene, material = ours(case)
-    target = ds.render(gbuffer, scene, material) * 0.9
+    target = observed(gbuffer, ds.render(gbuffer, scene, material) * 0.9)
     law = scene.lights[0].attenuation
 
     def loss(unknown: Any) -> jax.Array:
         material, law = unknown
         lights = tuple(ds.PointLight(x.position, x.intensity, law) for x in scene.lights)
-        image = ds.render(gbuffer, ds.Scene(scene.ambient, lights), material)
-        return ((image - target) ** 2).mean()
+        return error(gbuffer, ds.Scene(scene.ambient, lights), material, target)
 
     options = getattr(ds, "compiler_options", dict)()
     step = jax.jit(jax.value_and_grad(loss), compiler_options=options)
@@ -80,7 +100,12 @@ def error(case: Case) -> dict[str, float]:
     }
 
 
-MEASURED = {"forward": forward, "gradient": gradient, "numpy": in_numpy}
+MEASURED = {
+    "forward": forward,
+    "gradient": gradient,
+    "squared error": squared_error,
+    "numpy": in_numpy,
+}
 
 
 def main() -> None:

@@ -24,4 +24,7 @@ from .scene import Scene as Scene
 from .shading.basis import Basis as Basis
 from .shading.basis import basis as basis
 from .shading.basis import contract as contract
+from .shading.kept_geometry import KeptGeometry as KeptGeometry
+from .shading.kept_geometry import keep_geometry as keep_geometry
+from .shading.render import mean_squared_error as mean_squared_error
 from .shading.render import render as render

@@ -1,34 +1,68 @@
 """How XLA is led to the fast program; the reasons stand here, the equations elsewhere.
 
-- The options of `compiler_options` let XLA use 512-bit vectors on a CPU that has them, which about
-  halves the time of shading. A `jit` that carries options cannot be nested in another, so `render` sets
-  them only when it is called outermost; whoever composes it passes them to the outermost `jit` of their
-  own program:
+On a CPU, XLA makes one loop of every array that a program gives away, a *root*, and of everything
+between it and the arrays that it reads. Within a loop nothing costs memory. But:
+
+- Two roots that share a logarithm compute it twice, in two loops; an image of three channels, or a
+  gradient of thirteen numbers, does all its work as many times. `packed` computes planes two at a time,
+  as the real and imaginary part of one root.
+- What XLA can fuse into a loop that reads it, it does, and so computes it again for every reader; a
+  barrier for the optimiser is gone before it fuses. `stored` is a branch that is always taken, which
+  nothing fuses across: what is behind it is computed once.
+- The derivative of an equation reads the same few expensive numbers again and again: a root of |s|^2, a
+  power of r.v, a quotient. These are the `Node`s of a computation; each writes its derivative with its
+  own value. Where `keeping` is on, for a derivative, their values are stored, and so is what `kept`
+  computes from them. What remains are products and sums, which may well be computed again. Anywhere
+  else nodes and `kept` are plain functions.
+- Of a small loop over pages XLA makes one function with a slower compiler; `compiler_options` forbids
+  that, and lets XLA use 512-bit vectors where a CPU has them. A `jit` that carries options cannot be
+  nested in another, so `render` sets them only when it is called outermost; whoever composes it passes
+  them to the outermost `jit` of their own program:
 
       jax.jit(step, compiler_options=ds.compiler_options())
 
 - A search is a program of hundreds of small kernels, whose compilation takes a thousand times as long
   as its run. `search_options` asks for XLA's older way of writing kernels, while it has one (before
   0.12): such a program compiles in half the time, and small linear systems run up to five times as fast.
-- Shading and the scatter into an image are two programs when `render` is outermost. In one, XLA would
-  fuse the shading into the scatter, and compute it again, point by point, for every channel.
-- XLA computes anew, in every sum that reads it, whatever it can fuse into the sum, an exponential as
-  well; a barrier for the optimiser is gone before it fuses. `stored` is a branch that is always
-  taken, which nothing fuses across: five sums of one lobe run five times as fast.
-- Planes, not [..., 3] arrays: see `vector`. Many lights in chunks: see `shading.lights`.
+- Pages (`pages`) keep in the cache what is stored; planes, not [..., 3] arrays: see `vector`; many
+  lights in chunks: see `shading.lights`.
+
+On other platforms XLA is left to itself (`is_led`).
 """
 
-from collections.abc import Callable
-from typing import Any
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import partial, update_wrapper
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import jaxlib
 from jax import lax
+from jaxtyping import Array
 
-__all__ = ["compiler_options", "search_options", "stored"]
+from diffshade.perturbed import Perturbed
+
+__all__ = [
+    "Node",
+    "compiler_options",
+    "is_led",
+    "keeping",
+    "kept",
+    "packed",
+    "page_size",
+    "search_options",
+    "stored",
+]
 
 Options = dict[str, bool | int | str]
+
+
+def is_led() -> bool:
+    """Whether the default platform is one on which the program is led: a CPU."""
+    return jax.default_backend() == "cpu"
 
 
 def compiler_options() -> Options:
@@ -37,14 +71,28 @@ def compiler_options() -> Options:
     >>> import jax
     >>> double = jax.jit(lambda x: 2 * x, compiler_options=compiler_options())
     """
-    return {"xla_cpu_prefer_vector_width": 512} if jax.default_backend() == "cpu" else {}
+    if not is_led():
+        return {}
+    return {
+        "xla_cpu_prefer_vector_width": 512,
+        "xla_disable_hlo_passes": "small-while-loop-hoisting",
+    }
 
 
 def search_options() -> Options:
     """Those that suit a program of many small parts, as a search over coefficients is."""
     version = tuple(int(part) for part in jaxlib.__version__.split(".")[:2])
-    older = jax.default_backend() == "cpu" and version < (0, 12)
+    older = is_led() and version < (0, 12)
     return compiler_options() | ({"xla_cpu_use_fusion_emitters": False} if older else {})
+
+
+def page_size() -> int:
+    """How many pixels are shaded at once.
+
+    On one processor a page should fit into the cache; several share the loops over a larger one.
+    """
+    alone = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return 2**14 if alone == 1 else 2**17
 
 
 def stored(compute: Callable[..., Any], *arguments: Any) -> Any:
@@ -60,3 +108,150 @@ def stored(compute: Callable[..., Any], *arguments: Any) -> Any:
         return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
     return lax.cond(always, as_asked, never, *arguments)
+
+
+def packed(compute: Callable[..., Any], *arguments: Any) -> Any:
+    """`compute(*arguments)`, a tree of planes, stored and computed two planes at a time."""
+    shapes, structure = jax.tree.flatten(jax.eval_shape(compute, *arguments))
+
+    def pair(first: int) -> tuple[Array, ...]:
+        def root(*arguments: Any) -> Array:
+            planes = jax.tree.leaves(compute(*arguments))[first : first + 2]
+            return lax.complex(*planes) if len(planes) == 2 else planes[0]
+
+        both = stored(root, *arguments)
+        return (both.real, both.imag) if first + 1 < len(shapes) else (both,)
+
+    planes = [plane for first in range(0, len(shapes), 2) for plane in pair(first)]
+    return jax.tree.unflatten(structure, planes)
+
+
+class Node:
+    """A function of planes whose derivative is written with its value.
+
+    `@node.derivative` declares it: from the value, the planes and their tangents (`SymbolicZero` where
+    a plane is not perturbed) to the tangent of the value.
+    """
+
+    def __init__(self, f: Callable[..., Array]) -> None:
+        update_wrapper(self, f)
+        self._f = f
+
+    def derivative(self, rule: Callable[[Array, Any, Any], Array]) -> Callable[..., Array]:
+        """Declare the derivative."""
+
+        def with_rule(f: Callable[..., Array]) -> Callable[..., Array]:
+            function = jax.custom_jvp(f)
+
+            def jvp(planes: Any, tangents: Any) -> tuple[Array, Array]:
+                value = function(*planes)
+                return value, rule(value, planes, tangents)
+
+            function.defjvp(jvp, symbolic_zeros=True)
+            return function
+
+        @jax.custom_jvp
+        def known(value: Array, *planes: Array) -> Array:
+            return value
+
+        @partial(known.defjvp, symbolic_zeros=True)
+        def _(primals: Any, tangents: Any) -> tuple[Array, Array]:
+            value = known(*primals)  # not primals[0], which has no derivative of its own
+            return value, rule(value, primals[1:], tangents[1:])
+
+        self.computed = with_rule(self._f)
+        self.stored = with_rule(partial(stored, self._f))
+        self.known = known
+        return rule
+
+    def __call__(self, *planes: Array) -> Array:
+        return _nodes.get()(self, *planes)
+
+
+def keeping(compute: Callable[..., Any]) -> Callable[..., Any]:
+    """`compute`, traced with its nodes stored: as its derivative should have it."""
+
+    def traced(*arguments: Any) -> Any:
+        with _as(_Stored()):
+            return compute(*arguments)
+
+    return traced
+
+
+def kept(compute: Callable[..., Any], *arguments: Any) -> Any:
+    """`compute(*arguments)`, a tree of planes, packed where `keeping` is on.
+
+    Its nodes are stored first, in the order in which they are met, and read again by every root. Its
+    derivative is that of the plain computation, with the values of the nodes.
+    """
+    if not isinstance(_nodes.get(), _Stored):
+        return compute(*arguments)
+    with _as(_Noted()) as noted:
+        compute(*arguments)  # only its nodes are used: XLA drops the rest
+
+    def replayed(values: tuple[Array, ...], *arguments: Any) -> Any:
+        with _as(_Replayed(values)):
+            return compute(*arguments)
+
+    @jax.custom_jvp
+    def evaluate(values: tuple[Array, ...], *arguments: Any) -> Any:
+        return packed(replayed, values, *arguments)
+
+    @partial(evaluate.defjvp, symbolic_zeros=True)
+    def _(primals: Any, tangents: Any) -> Any:
+        values, *arguments = primals
+        moved = Perturbed(arguments, tangents[1:])
+        value = evaluate(*primals)
+        if not moved:
+            return value, jax.tree.map(jnp.zeros_like, value)
+        return value, moved.tangent(partial(replayed, values))
+
+    return evaluate(tuple(lax.stop_gradient(x) for x in noted.values), *arguments)
+
+
+class _Computed:
+    """What becomes of a node: it is computed where it stands."""
+
+    def __call__(self, node: Node, *planes: Array) -> Array:
+        return node.computed(*planes)
+
+
+class _Stored(_Computed):
+    """It is stored."""
+
+    def __call__(self, node: Node, *planes: Array) -> Array:
+        return node.stored(*planes)
+
+
+class _Noted(_Computed):
+    """It is stored, and noted."""
+
+    def __init__(self) -> None:
+        self.values: list[Array] = []
+
+    def __call__(self, node: Node, *planes: Array) -> Array:
+        self.values.append(node.stored(*planes))
+        return self.values[-1]
+
+
+class _Replayed(_Computed):
+    """It has the value that was noted."""
+
+    def __init__(self, values: tuple[Array, ...]) -> None:
+        self.values = iter(values)
+
+    def __call__(self, node: Node, *planes: Array) -> Array:
+        return node.known(next(self.values), *planes)
+
+
+_nodes: ContextVar[_Computed] = ContextVar("nodes", default=_Computed())  # noqa: B039
+N = TypeVar("N", bound=_Computed)
+
+
+@contextmanager
+def _as(nodes: N) -> Iterator[N]:
+    token = _nodes.set(nodes)
+    try:
+        yield nodes
+    finally:
+        _nodes.reset(token)

@@ -9,10 +9,14 @@ The predicates say where a function is singular, so that NaN, which is nowhere, 
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Bool, Float
+
+from diffshade.fusion import Node
 
 __all__ = [
     "log",
@@ -38,14 +42,26 @@ def sqrt(x: Plane) -> Plane:
     return _guarded(jnp.sqrt, x, x <= 0)
 
 
+@Node
 def reciprocal_sqrt(x: Plane) -> Plane:
-    """1/sqrt(x) where x > 0; elsewhere 0 with derivative 0."""
-    return _guarded(lambda safe: 1 / jnp.sqrt(safe), x, x <= 0)
+    """1/sqrt(x) where x is above the smallest normal number; elsewhere 0 with derivative 0."""
+    return _guarded(lambda safe: jnp.sqrt(1 / safe), x, x < _smallest(x))
 
 
+@reciprocal_sqrt.derivative
+def _(y: Plane, planes: Any, tangents: Any) -> Plane:
+    return -0.5 * y * y * y * tangents[0]
+
+
+@Node
 def reciprocal(x: Plane) -> Plane:
     """1/x where x != 0; at 0 it is 0 with derivative 0."""
     return _guarded(lambda safe: 1 / safe, x, x == 0)
+
+
+@reciprocal.derivative
+def _(y: Plane, planes: Any, tangents: Any) -> Plane:
+    return -y * y * tangents[0]
 
 
 def log(x: Plane) -> Plane:
@@ -63,18 +79,48 @@ def power(x: Plane, n: Plane) -> Plane:
     return power_of_log(log_base(x), n)
 
 
+def _counts_as_zero(x: Plane) -> Bool[Array, "..."]:
+    return x <= _smallest(x) ** 0.5
+
+
+@Node
 def log_base(x: Plane) -> Plane:
     """The half of `power` that does not depend on n: log x, and minus infinity where x counts as zero."""
-    dark = x <= float(jnp.finfo(jnp.result_type(x)).tiny) ** 0.5
+    dark = _counts_as_zero(x)
     return jnp.where(dark, -jnp.inf, jnp.log(jnp.where(dark, 1, x)))
 
 
+@log_base.derivative
+def _(y: Plane, planes: Any, tangents: Any) -> Plane:
+    dark = _counts_as_zero(planes[0])
+    return jnp.where(dark, 0, tangents[0]) * reciprocal.computed(jnp.where(dark, 1, planes[0]))
+
+
+@Node
 def power_of_log(log_x: Plane, n: Plane) -> Plane:
     """The other half: x**n from `log_base(x)`."""
     dark = log_x == -jnp.inf
     exponent = n * jnp.where(dark, 0, log_x)
-    vanishes = dark | (exponent <= np.log(float(jnp.finfo(jnp.result_type(log_x)).tiny)))
-    return jnp.where(vanishes, 0, jnp.exp(jnp.where(vanishes, 0, exponent)))
+    vanishes = dark | (exponent <= np.log(_smallest(log_x)))
+    return _guarded(jnp.exp, exponent, vanishes)
+
+
+@power_of_log.derivative
+def _(y: Plane, planes: Any, tangents: Any) -> Plane:
+    """d x^n = x^n (n d(log x) + log x dn)."""
+    log_x, n = planes
+    d_log_x, d_n = tangents
+    terms = []
+    if not isinstance(d_log_x, SymbolicZero):
+        terms.append(n * d_log_x)
+    if not isinstance(d_n, SymbolicZero):
+        terms.append(jnp.where(log_x == -jnp.inf, 0, log_x) * d_n)
+    return y * sum(terms[1:], terms[0])
+
+
+def _smallest(x: Plane) -> float:
+    """The smallest normal number of a type."""
+    return float(jnp.finfo(jnp.result_type(x)).tiny)
 
 
 def _guarded(f: Callable[[Plane], Plane], x: Plane, singular: Bool[Array, "..."]) -> Plane:

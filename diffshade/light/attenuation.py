@@ -47,7 +47,7 @@ class QuadraticAttenuation(AbstractAttenuation):
 
     def __call__(self, d: Plane) -> Plane:
         q = self.c0 + d * (self.c1 + d * self.c2)
-        return 1 / jnp.where(q < 1, 1, q)
+        return guard.reciprocal(jnp.where(q < 1, 1, q))
 
 
 class LinearAttenuation(AbstractAttenuation):

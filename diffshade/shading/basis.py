@@ -7,21 +7,24 @@ is linear in the coefficients. The sums over lights j are computed here, once, f
 rendering contracts them with a material, fitting solves for the material that contracts best.
 """
 
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
 from diffshade.channels import Channels, channels, plus, times
+from diffshade.fusion import kept, packed
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from diffshade.shading.lights import LightSums, sum_over_lights
-from diffshade.shading.one_light import angles, reflected
+from diffshade.shading.lights import LightSums, add, sum_over_lights
+from diffshade.shading.one_light import Angles, angles, lit, reflected, unlit
+from diffshade.vector import Vec3
 
-__all__ = ["Basis", "basis", "contract", "of_light_sums"]
+__all__ = ["Basis", "basis", "contract", "in_one_pass", "of_light_sums", "written_out"]
 
 
 class Basis(eqx.Module):
@@ -38,15 +41,74 @@ class Basis(eqx.Module):
     specular: tuple[Channels, ...]
 
 
-def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
+Lit: TypeAlias = tuple[AbstractLight, Angles | None]
+"""A light, and under what angles it is seen where that is known already."""
+
+Few: TypeAlias = Callable[[GBuffer, Sequence[Lit], Material, Vec3 | None], LightSums]
+"""How the terms of a few lights are summed."""
+
+
+def basis(
+    gbuffer: GBuffer,
+    scene: Scene,
+    material: Material,
+    seen: tuple[Angles, ...] | None = None,
+    few: Few | None = None,
+) -> Basis:
     """The basis of an image for `material`'s terms, lobes and colours; ka, kd and ks are not read.
 
     What is absent is not computed: no ambient without I_a and k_a, no n.l or l without lights, no
-    view without a lobe, no distance without attenuation.
+    view without a lobe, no distance without attenuation. `seen` are the angles under each light
+    where they are known; `few` is how the terms of a few lights are summed (`written_out`).
     """
     lit = bool(scene.lights) and (material.kd is not None or bool(material.specular))
-    sums = _light_sums(gbuffer, scene.lights, material) if lit else (None, ())
+    sums: LightSums = (None, ())
+    if lit:
+        view = _view(gbuffer) if material.specular and seen is None else None
+
+        def term(lights: Sequence[Lit]) -> LightSums:
+            return (few or written_out)(gbuffer, lights, material, view)
+
+        under = seen or (None,) * len(scene.lights)
+        sums = sum_over_lights(term, tuple(zip(scene.lights, under, strict=True)))
+        sums = sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)
     return of_light_sums(sums, scene.ambient, material)
+
+
+def written_out(
+    gbuffer: GBuffer, lights: Sequence[Lit], material: Material, view: Vec3 | None
+) -> LightSums:
+    """The sum over a few lights, one after the other."""
+    total: LightSums | None = None
+    for light, seen in lights:
+        if seen is None:
+            seen = kept(angles, gbuffer, light, material.specular, view)
+        total = add(total, reflected(seen, light, material))
+    assert total is not None
+    return total
+
+
+def in_one_pass(
+    gbuffer: GBuffer, lights: Sequence[Lit], material: Material, view: Vec3 | None
+) -> LightSums:
+    """The same in as few passes over the planes as can be: one for all lights of one colour.
+
+    Of coloured lights each is one pass, which leaves its colour out.
+    """
+    if all(light.intensity.ndim == 0 for light, _ in lights):
+        return packed(written_out, gbuffer, lights, material, view)
+
+    def colourless(lit: Lit, gbuffer: GBuffer, material: Material, view: Vec3 | None) -> LightSums:
+        light, seen = lit
+        if seen is None:
+            seen = angles(gbuffer, light, material.specular, view)
+        return unlit(seen, light, material)
+
+    total: LightSums | None = None
+    for one in lights:
+        total = add(total, lit(one[0], packed(colourless, one, gbuffer, material, view)))
+    assert total is not None
+    return total
 
 
 def of_light_sums(
@@ -90,11 +152,5 @@ def _coloured(shape: T, colour: Float[Array, "..."] | None) -> T:
     return times(channels(colour), shape)
 
 
-def _light_sums(
-    gbuffer: GBuffer, lights: tuple[AbstractLight, ...], material: Material
-) -> LightSums:
-    def term(light: AbstractLight) -> LightSums:
-        return reflected(angles(gbuffer, light, material.specular), light, material)
-
-    sums = sum_over_lights(term, lights)
-    return sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)
+def _view(gbuffer: GBuffer) -> Vec3:
+    return gbuffer.viewer.direction(gbuffer.position)

@@ -17,39 +17,64 @@ from diffshade.reflectance.lambert import lambert
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.reflectance.material import Material
 from diffshade.shading.lights import LightSums
-from diffshade.vector import dot
+from diffshade.vector import Vec3, dot
 
-__all__ = ["Angles", "angles", "reflected"]
+__all__ = ["Angles", "angles", "lit", "reflected", "unlit"]
 
 Plane = Float[Array, "..."]
 
 
 class Angles(eqx.Module):
-    """At points under one light: n.l, the distance where it matters, and what each lobe needs."""
+    """At points under one light: n.l, what each lobe needs, and the distance where it matters."""
 
     n_dot_l: Plane
-    distance: Plane | None
     lobes: tuple[Any, ...]
+    distance: Plane | None
 
 
-def angles(gbuffer: GBuffer, light: AbstractLight, lobes: tuple[AbstractLobe, ...]) -> Angles:
-    """The half that depends on positions, normals and directions."""
+def angles(
+    gbuffer: GBuffer,
+    light: AbstractLight,
+    lobes: tuple[AbstractLobe, ...],
+    view: Vec3 | None = None,
+) -> Angles:
+    """The half that depends on positions, normals and directions.
+
+    `view` is the G-buffer's view direction, where several lights share it.
+    """
     n = gbuffer.normal
     l, distance = light.incidence(gbuffer.position)
     n_dot_l = dot(n, l)
     if not lobes:
-        return Angles(n_dot_l, distance, ())
-    v = gbuffer.viewer.direction(gbuffer.position)
-    return Angles(n_dot_l, distance, tuple(lobe.angles(n, l, v, n_dot_l) for lobe in lobes))
+        return Angles(n_dot_l, (), distance)
+    v = gbuffer.viewer.direction(gbuffer.position) if view is None else view
+    return Angles(n_dot_l, tuple(lobe.angles(n, l, v, n_dot_l) for lobe in lobes), distance)
 
 
 def reflected(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
     """I f(d) n.l, and I f(d) s for each lobe: the half that depends on coefficients."""
+    return lit(light, unlit(seen, light, material))
+
+
+def unlit(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
+    """f(d) n.l and f(d) s: what a light of intensity 1 reflects."""
     f = light.falloff(seen.distance)
-    intensity = channels(light.intensity)
-    arriving = intensity if f is None else times(intensity, (f,))
     diffuse: Channels | None = None
     if material.kd is not None:
-        diffuse = times(arriving, (lambert(seen.n_dot_l),))
+        diffuse = _times(f, (lambert(seen.n_dot_l),))
     lobes = zip(material.specular, seen.lobes, strict=True)
-    return diffuse, tuple(times(arriving, lobe.at(own)) for lobe, own in lobes)
+    return diffuse, tuple(_times(f, lobe.at(own)) for lobe, own in lobes)
+
+
+def lit(light: AbstractLight, terms: LightSums) -> LightSums:
+    """The terms times the light's intensity."""
+    intensity = channels(light.intensity)
+    diffuse, specular = terms
+    return (
+        None if diffuse is None else times(intensity, diffuse),
+        tuple(times(intensity, shape) for shape in specular),
+    )
+
+
+def _times(f: Plane | None, planes: Channels) -> Channels:
+    return planes if f is None else tuple(f * plane for plane in planes)

@@ -1,10 +1,10 @@
 """From a G-buffer, a scene and a material to an image."""
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from diffshade.arrays import is_concrete, is_outermost
@@ -14,13 +14,18 @@ from diffshade.fusion import compiler_options
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material, by_slot
 from diffshade.scene import Scene
-from diffshade.shading.basis import basis, contract
+from diffshade.shading.image import image_planes, sum_of_squares
+from diffshade.shading.kept_geometry import KeptGeometry
 
-__all__ = ["render"]
+__all__ = ["mean_squared_error", "render"]
 
 
 def render(
-    gbuffer: GBuffer, scene: Scene, material: Material | Sequence[Material]
+    gbuffer: GBuffer | KeptGeometry,
+    scene: Scene,
+    material: Material | Sequence[Material],
+    *,
+    plain: bool = False,
 ) -> Float[Array, "H W C"]:
     """The image I = I_a k_a + sum_j I_j f(d_j) [k_d n.l_j + k_s (r_j.v)^n] (LIGHT-13).
 
@@ -31,6 +36,7 @@ def render(
     It nests in `jit`, `grad`, `vmap` and `scan`, and every derivative is exact, for every input, in
     forward and reverse mode. Called outermost with concrete arrays it compiles with the best
     options for the platform. Not smooth where n.l = 0, r.v = 0 and where an attenuation is clamped.
+    `plain` leaves the program to XLA: the same image to rounding, slower on a CPU.
 
     Raises `BadInput` for numbers of channels that do not match, a point light or an eye with a
     G-buffer that has no positions, and a sequence of materials with a G-buffer that has no slots.
@@ -40,11 +46,56 @@ def render(
     >>> ds.render(g, ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)).shape
     (8, 8, 1)
     """
-    one = _one_material(gbuffer, material)
-    _check_maps(gbuffer, one)
-    arguments = (gbuffer, scene, one)
-    outermost = is_outermost() and is_concrete(arguments)
-    return (_render_outermost if outermost else _render)(*arguments)
+    arguments = _checked(gbuffer, scene, material)
+    if is_outermost() and is_concrete(arguments):
+        return _to_image(arguments[0].gbuffer, _planes_jit()(*arguments, plain))
+    return _render(*arguments, plain)
+
+
+def mean_squared_error(
+    gbuffer: GBuffer | KeptGeometry,
+    scene: Scene,
+    material: Material | Sequence[Material],
+    image: Float[Array, "H W C"] | Float[Array, "C P"],
+    *,
+    plain: bool = False,
+) -> Float[Array, ""]:
+    """The mean of (I - image)^2 over foreground pixels and channels, I as `render` has it.
+
+    `image` is [H, W, C], or the foreground's planes [C, P] as `GBuffer.from_image` gives them, which
+    spares a search for the same loss again and again to look for its foreground. Value and gradient
+    take one way through the pixels, page by page, so that `jax.value_and_grad` of this function
+    is faster than of `render` and a loss of your own, and needs no memory beyond the gradient.
+    Exact for every input, in forward and reverse mode; raises as `render` does, and for an image
+    of another size.
+
+    >>> import diffshade as ds
+    >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene, material = ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)
+    >>> float(mean_squared_error(g, scene, material, ds.render(g, scene, material)))
+    0.0
+    """
+    surface, scene, one = _checked(gbuffer, scene, material)
+    shape, pixels = surface.gbuffer.shape, surface.pixel_count
+    if image.ndim == 3 and image.shape[:2] == shape:
+        image = surface.from_image(image)
+    elif image.ndim != 2 or image.shape[1] != pixels:
+        raise BadInput(
+            f"the image has shape {image.shape}: give [{shape[0]}, {shape[1]}, C], or the"
+            f" foreground's planes [C, {pixels}]"
+        )
+    return _mean_squared_error(surface, scene, one, image, plain)
+
+
+def _checked(
+    gbuffer: GBuffer | KeptGeometry, scene: Scene, material: Material | Sequence[Material]
+) -> tuple[KeptGeometry, Scene, Material]:
+    surface = gbuffer if isinstance(gbuffer, KeptGeometry) else KeptGeometry(gbuffer, None)
+    one = _one_material(surface.gbuffer, material)
+    _check_maps(surface.gbuffer, one)
+    if surface.angles is not None:
+        _check_kept(surface.angles, scene, one)
+    return surface, scene, one
 
 
 def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> Material:
@@ -77,24 +128,46 @@ def _check_maps(gbuffer: GBuffer, material: Material) -> None:
             )
 
 
-def _planes(gbuffer: GBuffer, scene: Scene, material: Material) -> Channels:
-    planes = contract(basis(gbuffer, scene, material), material)
-    dark = jnp.zeros(gbuffer.pixel_count, gbuffer.normal.x.dtype)
-    return tuple(plane + dark for plane in planes) or (dark,)
+def _check_kept(kept: tuple[Any, ...], scene: Scene, material: Material) -> None:
+    if len(kept) != len(scene.lights):
+        raise BadInput(
+            f"the kept geometry is of {len(kept)} lights, and the scene has {len(scene.lights)}: keep"
+            " it for this scene"
+        )
+    for seen, light in zip(kept, scene.lights, strict=True):
+        if len(seen.lobes) != len(material.specular):
+            raise BadInput(
+                f"the kept geometry is of {len(seen.lobes)} lobes, and the material has"
+                f" {len(material.specular)}: keep it for this material"
+            )
+        if getattr(light, "attenuation", None) is not None and seen.distance is None:
+            raise BadInput(
+                "the kept geometry has no distance to a light, which has an attenuation now: keep it"
+                " for this scene"
+            )
 
 
-@jax.jit
-def _render(gbuffer: GBuffer, scene: Scene, material: Material) -> Float[Array, "H W C"]:
-    return gbuffer.to_image(_planes(gbuffer, scene, material))
+@partial(jax.jit, static_argnums=3)
+def _render(
+    surface: KeptGeometry, scene: Scene, material: Material, plain: bool
+) -> Float[Array, "H W C"]:
+    return surface.gbuffer.to_image(image_planes(surface, scene, material, plain))
 
 
-def _render_outermost(gbuffer: GBuffer, scene: Scene, material: Material) -> Float[Array, "H W C"]:
-    return _to_image(gbuffer, _planes_jit()(gbuffer, scene, material))
+@partial(jax.jit, static_argnums=4)
+def _mean_squared_error(
+    surface: KeptGeometry,
+    scene: Scene,
+    material: Material,
+    observed: Float[Array, "C P"],
+    plain: bool,
+) -> Float[Array, ""]:
+    return sum_of_squares(surface, scene, material, observed, plain) / observed.size
 
 
 @cache
-def _planes_jit() -> Callable[[GBuffer, Scene, Material], Channels]:
-    return jax.jit(_planes, compiler_options=compiler_options())
+def _planes_jit() -> Callable[[KeptGeometry, Scene, Material, bool], Channels]:
+    return jax.jit(image_planes, static_argnums=3, compiler_options=compiler_options())
 
 
 _to_image = jax.jit(GBuffer.to_image)

@@ -1,0 +1,194 @@
+"""Functions of pixels, evaluated page after page, with derivatives that cost no more memory.
+
+What a page of pixels needs on the way stays in the cache, and memory beyond input and output is that
+of one page, whatever the size of the image. Of the arguments, those arrays are planes over the pixels
+whose last axis has their number; every page has its own part of these, and all of the others.
+
+A value is cut from its planes and written into place. For a derivative a scan goes through the pages
+and computes again what each computed on the way, rather than keep it for all of them; only what is
+perturbed is differentiated. All is in JAX's own loops, so that every order and mode of derivative,
+`vmap` and `scan` hold. A sum over pixels has its derivative computed beside its value.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from diffshade.perturbed import Perturbed
+
+__all__ = ["map_pages", "sum_pages"]
+
+Arguments = tuple[Any, ...]
+Planes = tuple[Float[Array, "P"], ...]
+
+HELD = 2**18
+"""The largest image whose derivative in numbers keeps what it needs."""
+
+LANES = 16
+"""Pages are multiples of as many pixels as the widest vector holds."""
+
+
+def map_pages(
+    f: Callable[..., Planes],
+    arguments: Arguments,
+    count: int,
+    page: int,
+    for_derivative: Callable[..., Planes],
+    plain: Callable[..., Planes],
+) -> Planes:
+    """f(*arguments), which gives planes [P] over `count` pixels, each from its own pixel alone.
+
+    `for_derivative` is the same function, written to be differentiated page by page, and `plain` the
+    one that JAX differentiates as it stands: where numbers alone are perturbed, and the image is not
+    large, keeping what they need of all pixels is faster than to compute it again.
+    """
+    pages = _Pages(count, page)
+
+    @jax.custom_jvp
+    def evaluate(*arguments: Any) -> Planes:
+        def write(number: Array, out: Planes) -> Planes:
+            new = f(*pages.cut(arguments, number))
+            return tuple(pages.write(o, x, number) for o, x in zip(out, new, strict=True))
+
+        shapes = jax.eval_shape(lambda: f(*pages.cut(arguments, 0)))
+        start = tuple(jnp.zeros(count, s.dtype) for s in shapes)
+        return lax.fori_loop(0, pages.number, write, start)
+
+    def rule(primals: Arguments, tangents: Arguments) -> tuple[Planes, Planes]:
+        moved = Perturbed(primals, tangents)
+        numbers_alone = not any(pages.is_plane(x) for x in moved.primals)
+        if moved and count <= HELD and numbers_alone:
+
+            def held(*moving: Array) -> Planes:
+                return plain(*moved.replaced(moving, lambda x: x))
+
+            return jax.jvp(held, moved.primals, moved.tangents)
+        value = evaluate(*primals)
+        if not moved:
+            return value, jax.tree.map(jnp.zeros_like, value)
+
+        def scanned(*moving: Array) -> Planes:
+            stacks = {i: pages.stack(x) for i, x in enumerate(moving) if pages.is_plane(x)}
+
+            @jax.checkpoint
+            def one(own: dict[int, Array], moving: tuple[Array, ...], number: Array) -> Planes:
+                parts = tuple(own.get(i, x) for i, x in enumerate(moving))
+                return for_derivative(*moved.replaced(parts, lambda x: pages.cut(x, number)))
+
+            _, out = lax.scan(
+                lambda _, at: (None, one(at[0], moving, at[1])),
+                None,
+                (stacks, jnp.arange(pages.number)),
+            )
+            return tuple(pages.join(plane) for plane in out)
+
+        return value, jax.jvp(scanned, moved.primals, moved.tangents)[1]
+
+    evaluate.defjvp(rule, symbolic_zeros=True)
+    return evaluate(*arguments)
+
+
+def sum_pages(
+    f: Callable[..., Float[Array, ""]], arguments: Arguments, count: int, page: int
+) -> Float[Array, ""]:
+    """The sum over `count` pixels of f(own, *arguments), which sums over those where `own` holds.
+
+    Its derivative is computed beside the value, in one way through the pages.
+    """
+    pages = _Pages(count, page)
+
+    def of_page(number: Array, *arguments: Any) -> Float[Array, ""]:
+        return f(pages.own(number), *pages.cut(arguments, number))
+
+    def zero(*arguments: Any) -> Float[Array, ""]:
+        return jnp.zeros((), jax.eval_shape(of_page, jnp.asarray(0), *arguments).dtype)
+
+    @jax.custom_jvp
+    def evaluate(*arguments: Any) -> Float[Array, ""]:
+        def add(number: Array, total: Float[Array, ""]) -> Float[Array, ""]:
+            return total + of_page(number, *arguments)
+
+        return lax.fori_loop(0, pages.number, add, zero(*arguments))
+
+    def rule(primals: Arguments, tangents: Arguments) -> tuple[Array, Array]:
+        moved = Perturbed(primals, tangents)
+        if not moved:
+            value = evaluate(*primals)
+            return value, jnp.zeros_like(value)
+
+        def add(number: Array, so_far: tuple[Array, tuple[Array, ...]]) -> Any:
+            total, gradient = so_far
+            own = pages.own(number)
+
+            def of_moving(*moving: Array) -> Float[Array, ""]:
+                return f(own, *moved.replaced(moving, lambda x: pages.cut(x, number)))
+
+            moving = pages.cut(moved.primals, number)
+            value, new = jax.value_and_grad(of_moving, range(len(moving)))(*moving)
+            return total + value, tuple(
+                pages.added(old, part, number) for old, part in zip(gradient, new, strict=True)
+            )
+
+        start = zero(*primals), tuple(jnp.zeros_like(x) for x in moved.primals)
+        value, gradient = lax.fori_loop(0, pages.number, add, start)
+        terms = [(g * t).sum() for g, t in zip(gradient, moved.tangents, strict=True)]
+        return value, sum(terms[1:], terms[0])
+
+    evaluate.defjvp(rule, symbolic_zeros=True)
+    return evaluate(*arguments)
+
+
+class _Pages:
+    """Planes of P pixels as pages of one size; the last one overlaps the one before it."""
+
+    def __init__(self, count: int, page: int) -> None:
+        self.count = count
+        self.number = -(-count // page)
+        size = -(-count // self.number // LANES) * LANES
+        self.size = min(size, count)
+
+    def is_plane(self, x: Array) -> bool:
+        return x.shape[-1:] == (self.count,)
+
+    def start(self, number: Array | int) -> Array:
+        return jnp.minimum(jnp.asarray(number) * self.size, self.count - self.size)
+
+    def own(self, number: Array | int) -> Bool[Array, "size"]:
+        """Which pixels of a page are not those of the page before it."""
+        return jnp.arange(self.size) + self.start(number) >= jnp.asarray(number) * self.size
+
+    def cut(self, tree: Any, number: Array | int) -> Any:
+        """A tree whose planes are those of a page."""
+        start = self.start(number)
+
+        def part(x: Array) -> Array:
+            if not self.is_plane(x):
+                return x
+            return lax.dynamic_slice_in_dim(x, start, self.size, axis=-1)
+
+        return jax.tree.map(part, tree)
+
+    def write(self, plane: Array, page: Array, number: Array) -> Array:
+        return lax.dynamic_update_slice_in_dim(plane, page, self.start(number), axis=-1)
+
+    def added(self, total: Array, part: Array, number: Array) -> Array:
+        """A page's share written into its place of a plane, or added to what is no plane."""
+        if not self.is_plane(total):
+            return total + part
+        return self.write(total, jnp.where(self.own(number), part, self.cut(total, number)), number)
+
+    def stack(self, plane: Array) -> Array:
+        """[..., P] to [N, ..., size]."""
+        whole = plane[..., : (self.number - 1) * self.size]
+        whole = whole.reshape(*plane.shape[:-1], self.number - 1, self.size)
+        last = plane[..., -self.size :]
+        return jnp.concatenate([jnp.moveaxis(whole, -2, 0), last[None]])
+
+    def join(self, pages: Array) -> Array:
+        """[N, size] to [P]."""
+        overlap = self.number * self.size - self.count
+        return jnp.concatenate([pages[:-1].reshape(-1), pages[-1, overlap:]])

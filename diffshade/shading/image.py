@@ -1,0 +1,97 @@
+"""The planes of an image, and its squared error: the readable equations, led to a fast program.
+
+Both are the composition of `basis` and `contract` over the foreground, evaluated page by page. A value
+takes the passes of `in_one_pass`; a derivative goes through `written_out`, with the nodes of the
+computation stored. `plain` is the composition alone, as XLA fuses it by itself.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from diffshade.channels import Channels, per_channel
+from diffshade.fusion import is_led, keeping, kept, page_size
+from diffshade.pages import map_pages, sum_pages
+from diffshade.reflectance.material import Material
+from diffshade.scene import Scene
+from diffshade.shading.basis import Basis, Few, basis, contract, in_one_pass, written_out
+from diffshade.shading.kept_geometry import KeptGeometry
+
+__all__ = ["image_planes", "sum_of_squares"]
+
+FEW = 1024
+"""Pixels that are not worth a page."""
+
+
+def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain: bool) -> Channels:
+    """The image's foreground, one plane [P] a channel."""
+    if not _by_pages(surface, plain):
+        return _shaded(surface, scene, material, written_out)
+
+    def value(surface: KeptGeometry, scene: Scene, material: Material) -> Channels:
+        return _shaded(surface, scene, material, in_one_pass)
+
+    def plainly(surface: KeptGeometry, scene: Scene, material: Material) -> Channels:
+        return _shaded(surface, scene, material, written_out)
+
+    arguments = (surface, scene, material)
+    return map_pages(value, arguments, surface.pixel_count, page_size(), keeping(_stored), plainly)
+
+
+def sum_of_squares(
+    surface: KeptGeometry,
+    scene: Scene,
+    material: Material,
+    observed: Float[Array, "C P"],
+    plain: bool,
+) -> Float[Array, ""]:
+    """The sum over pixels and channels of (image - observed)^2."""
+    if not _by_pages(surface, plain):
+        everywhere = jnp.ones(surface.pixel_count, bool)
+        return _squares(image_planes(surface, scene, material, plain), observed, everywhere)
+
+    @keeping
+    def of_page(
+        own: Bool[Array, "P"],
+        surface: KeptGeometry,
+        scene: Scene,
+        material: Material,
+        observed: Float[Array, "C P"],
+    ) -> Float[Array, ""]:
+        return _squares(_stored(surface, scene, material), observed, own)
+
+    arguments = (surface, scene, material, observed)
+    return sum_pages(of_page, arguments, surface.pixel_count, page_size())
+
+
+def _by_pages(surface: KeptGeometry, plain: bool) -> bool:
+    """Whether there is a page to fill: the points that a mesh is shaded at are not the pixels."""
+    paged = surface.gbuffer.spread is None and surface.pixel_count >= FEW
+    return paged and is_led() and not plain
+
+
+def _shaded(surface: KeptGeometry, scene: Scene, material: Material, few: Few) -> Channels:
+    gbuffer = surface.gbuffer
+    dark = gbuffer.normal.x if gbuffer.spread is None else gbuffer.spread(gbuffer.normal.x)
+    return _image(basis(gbuffer, scene, material, surface.angles, few), material, dark)
+
+
+def _stored(surface: KeptGeometry, scene: Scene, material: Material) -> Channels:
+    """The same from a stored basis: what reads the image does not compute it again."""
+    gbuffer = surface.gbuffer
+    terms = basis(gbuffer, scene, material, surface.angles, written_out)
+    return kept(_image, terms, material, gbuffer.normal.x)
+
+
+def _image(terms: Basis, material: Material, like: Float[Array, "P"]) -> Channels:
+    """The basis contracted; what is the same for all pixels becomes a plane."""
+    dark = jnp.zeros_like(like)
+    return tuple(plane + dark for plane in contract(terms, material)) or (dark,)
+
+
+def _squares(
+    image: Channels, observed: Float[Array, "C P"], own: Bool[Array, "P"]
+) -> Float[Array, ""]:
+    count = max(len(image), len(observed))
+    pairs = zip(per_channel(image, count), per_channel(tuple(observed), count), strict=True)
+    squares = [jnp.where(own, (i - o) ** 2, 0) for i, o in pairs]
+    return sum(squares[1:], squares[0]).sum()

@@ -1,0 +1,54 @@
+"""A surface that can be shaded: a G-buffer, and what of its geometry is kept from call to call."""
+
+import equinox as eqx
+from jaxtyping import Array, Shaped
+
+from diffshade.geometry.gbuffer import GBuffer
+from diffshade.reflectance.material import Material
+from diffshade.scene import Scene
+from diffshade.shading.one_light import Angles, angles
+
+__all__ = ["KeptGeometry", "keep_geometry"]
+
+
+class KeptGeometry(eqx.Module):
+    """A G-buffer with the angles under which its points see each light of a scene.
+
+    It stands for the G-buffer in `render` and `mean_squared_error` while positions, normals and the
+    directions of lights stay as they are: what may change are coefficients, shininess, intensities
+    and the constants of attenuations. It takes a plane for n.l, one a lobe and one for the distance, a
+    light.
+    """
+
+    gbuffer: GBuffer
+    angles: tuple[Angles, ...] | None
+
+    @property
+    def pixel_count(self) -> int:
+        """How many foreground pixels there are."""
+        return self.gbuffer.pixel_count
+
+    def from_image(self, image: Shaped[Array, "H W C"]) -> Shaped[Array, "C P"]:
+        """The foreground of an image [H, W, C], one plane a channel."""
+        return self.gbuffer.from_image(image)
+
+
+@eqx.filter_jit
+def keep_geometry(gbuffer: GBuffer, scene: Scene, material: Material) -> KeptGeometry:
+    """The geometry of a G-buffer under a scene's lights, computed once for many renders.
+
+    n.l, the distance where a light has an attenuation, and what each of the material's lobes needs
+    (log r.v of `Phong`, log n.h of `BlinnPhong`); not its coefficients. Render it with lights at the
+    same places, and lobes of the same kinds. Differentiable in positions, normals and lights.
+
+    Raises `BadInput` for a point light or an eye with a G-buffer that has no positions.
+
+    >>> import diffshade as ds
+    >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene, material = ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)
+    >>> ds.render(keep_geometry(g, scene, material), scene, material).shape
+    (8, 8, 1)
+    """
+    return KeptGeometry(
+        gbuffer, tuple(angles(gbuffer, light, material.specular) for light in scene.lights)
+    )
