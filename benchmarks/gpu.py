@@ -1,18 +1,19 @@
 """Shading on a GPU: time, and bandwidth beside that of a copy on the device and the roofline.
 
     python -m benchmarks.gpu            on JAX's default device (a CUDA one, or it says so and ends)
+    python -m benchmarks.gpu --led      the program that a CPU gets, too
 
 `bandwidth` is what must be moved, positions and normals in and the image's planes out, over the time
 that it took; `of copy` is its share of what a copy on the device reaches. `of roofline` is the share
 of the time that neither memory (at the speed of the copy) nor arithmetic (at the speed of a measured
 polynomial, over the flops that the compiler counts) could go below. `plain` is the program as XLA fuses
-it, which is what a GPU gets; `led` is the one that a CPU gets, which shows that the choice is right.
+it, which is what a GPU gets; `led`, the one that a CPU gets, shows that the choice is right.
 """
 
 import argparse
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 from unittest import mock
 
@@ -67,8 +68,8 @@ def compiled(f: Callable[..., Any], *arguments: Any) -> Any:
     return jax.jit(f, compiler_options=ds.compiler_options()).lower(*arguments).compile()
 
 
-def programs(case: Case) -> tuple[dict[str, tuple[Any, tuple[Any, ...]]], int]:
-    """Forward, and value and gradient, each plain and led, with their arguments; and the pixels."""
+def programs(case: Case, ways: Sequence[str]) -> tuple[dict[Any, Any], int]:
+    """Forward, and value and gradient, compiled in these ways, with their arguments; and the pixels."""
     gbuffer, scene, material = ours(case, perspective(case))
     surface = KeptGeometry(gbuffer, None)
     target = tuple(0.9 * x for x in image.image_planes(surface, scene, material, True))
@@ -101,10 +102,10 @@ def programs(case: Case) -> tuple[dict[str, tuple[Any, tuple[Any, ...]]], int]:
     }
     found = {}
     for name, (f, arguments) in tasks.items():
-        for led in (False, True):
+        for way in ways:
             jax.clear_caches()
-            with mock.patch.object(image, "is_led", lambda led=led: led):
-                found[name, "led" if led else "plain"] = compiled(f, *arguments), arguments
+            with mock.patch.object(image, "is_led", lambda way=way: way == "led"):
+                found[name, way] = compiled(f, *arguments), arguments
     return found, gbuffer.pixel_count
 
 
@@ -116,6 +117,7 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=[512, 2048, 4096])
     parser.add_argument("--lights", type=int, nargs="+", default=[1, 4, 16])
     parser.add_argument("--any-device", action="store_true", help="run where there is no GPU too")
+    parser.add_argument("--led", action="store_true", help="the program of a CPU too")
     options = parser.parse_args()
     device = jax.devices()[0]
     if device.platform != "gpu" and not options.any_device:
@@ -130,7 +132,7 @@ def main() -> None:
     for size in options.sizes:
         for lights in options.lights:
             case = Case(size=size, lights=lights)
-            found, pixels = programs(case)
+            found, pixels = programs(case, ("plain", "led") if options.led else ("plain",))
             for (name, how), (program, arguments) in found.items():
                 spent = seconds(lambda p=program, a=arguments: p(*a))
                 planes = 9 if name != "gradient of everything" else 15

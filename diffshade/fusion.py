@@ -92,7 +92,7 @@ def page_size() -> int:
     On one processor a page should fit into the cache; several share the loops over a larger one.
     """
     alone = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return 2**14 if alone == 1 else 2**17
+    return 2**14 if alone == 1 else 2**16
 
 
 def stored(compute: Callable[..., Any], *arguments: Any) -> Any:
