@@ -27,7 +27,7 @@ between it and the arrays that it reads. Within a loop nothing costs memory. But
 - Pages (`pages`) keep in the cache what is stored; planes, not [..., 3] arrays: see `vector`; many
   lights in chunks: see `shading.lights`.
 
-On other platforms XLA is left to itself (`is_led`).
+On other platforms shading is left to XLA (`is_led`).
 """
 
 import os
@@ -113,17 +113,31 @@ def stored(compute: Callable[..., Any], *arguments: Any) -> Any:
 def packed(compute: Callable[..., Any], *arguments: Any) -> Any:
     """`compute(*arguments)`, a tree of planes, stored and computed two planes at a time."""
     shapes, structure = jax.tree.flatten(jax.eval_shape(compute, *arguments))
+    planes: dict[int, Array] = {}
+    for group in _alike(shapes):
 
-    def pair(first: int) -> tuple[Array, ...]:
-        def root(*arguments: Any) -> Array:
-            planes = jax.tree.leaves(compute(*arguments))[first : first + 2]
-            return lax.complex(*planes) if len(planes) == 2 else planes[0]
+        def root(*arguments: Any, group: tuple[int, ...] = group) -> Array:
+            leaves = jax.tree.leaves(compute(*arguments))
+            return lax.complex(*(leaves[i] for i in group)) if len(group) == 2 else leaves[group[0]]
 
         both = stored(root, *arguments)
-        return (both.real, both.imag) if first + 1 < len(shapes) else (both,)
+        planes |= zip(group, (both.real, both.imag) if len(group) == 2 else (both,), strict=True)
+    return jax.tree.unflatten(structure, [planes[i] for i in range(len(shapes))])
 
-    planes = [plane for first in range(0, len(shapes), 2) for plane in pair(first)]
-    return jax.tree.unflatten(structure, planes)
+
+def _alike(shapes: list[Any]) -> list[tuple[int, ...]]:
+    """Pairs of arrays that a complex one can hold, and those that are left over."""
+    groups: list[tuple[int, ...]] = []
+    waiting: dict[Any, int] = {}
+    for i, x in enumerate(shapes):
+        kind = (x.shape, x.dtype)
+        if x.dtype not in (jnp.float32, jnp.float64):
+            groups.append((i,))
+        elif kind in waiting:
+            groups.append((waiting.pop(kind), i))
+        else:
+            waiting[kind] = i
+    return groups + [(i,) for i in waiting.values()]
 
 
 class Node:

@@ -50,7 +50,7 @@ def reciprocal_sqrt(x: Plane) -> Plane:
 
 @reciprocal_sqrt.derivative
 def _(y: Plane, planes: Any, tangents: Any) -> Plane:
-    return -0.5 * y * y * y * tangents[0]
+    return -0.5 * y * (y * (y * tangents[0]))  # y^3 alone would overflow
 
 
 @Node
@@ -61,7 +61,7 @@ def reciprocal(x: Plane) -> Plane:
 
 @reciprocal.derivative
 def _(y: Plane, planes: Any, tangents: Any) -> Plane:
-    return -y * y * tangents[0]
+    return -y * (y * tangents[0])
 
 
 def log(x: Plane) -> Plane:

@@ -1,8 +1,8 @@
 """Functions of pixels, evaluated page after page, with derivatives that cost no more memory.
 
 What a page of pixels needs on the way stays in the cache, and memory beyond input and output is that
-of one page, whatever the size of the image. Of the arguments, those arrays are planes over the pixels
-whose last axis has their number; every page has its own part of these, and all of the others.
+of one page, whatever the size of the image. A tree like the arguments says which of them are planes,
+whose last axis is that of the pixels; every page has its own part of these, and all of the others.
 
 A value is cut from its planes and written into place. For a derivative a scan goes through the pages
 and computes again what each computed on the way, rather than keep it for all of them; only what is
@@ -35,6 +35,7 @@ LANES = 16
 def map_pages(
     f: Callable[..., Planes],
     arguments: Arguments,
+    planes: Arguments,
     count: int,
     page: int,
     for_derivative: Callable[..., Planes],
@@ -46,7 +47,7 @@ def map_pages(
     one that JAX differentiates as it stands: where numbers alone are perturbed, and the image is not
     large, keeping what they need of all pixels is faster than to compute it again.
     """
-    pages = _Pages(count, page)
+    pages = _Pages(count, page, planes)
 
     @jax.custom_jvp
     def evaluate(*arguments: Any) -> Planes:
@@ -60,11 +61,11 @@ def map_pages(
 
     def rule(primals: Arguments, tangents: Arguments) -> tuple[Planes, Planes]:
         moved = Perturbed(primals, tangents)
-        numbers_alone = not any(pages.is_plane(x) for x in moved.primals)
+        numbers_alone = not any(pages.is_plane[i] for i in moved.where)
         if moved and count <= HELD and numbers_alone:
 
             def held(*moving: Array) -> Planes:
-                return plain(*moved.replaced(moving, lambda x: x))
+                return plain(*moved.replaced(moving))
 
             return jax.jvp(held, moved.primals, moved.tangents)
         value = evaluate(*primals)
@@ -72,12 +73,13 @@ def map_pages(
             return value, jax.tree.map(jnp.zeros_like, value)
 
         def scanned(*moving: Array) -> Planes:
-            stacks = {i: pages.stack(x) for i, x in enumerate(moving) if pages.is_plane(x)}
+            places = enumerate(zip(moved.where, moving, strict=True))
+            stacks = {k: pages.stack(x) for k, (i, x) in places if pages.is_plane[i]}
 
             @jax.checkpoint
             def one(own: dict[int, Array], moving: tuple[Array, ...], number: Array) -> Planes:
-                parts = tuple(own.get(i, x) for i, x in enumerate(moving))
-                return for_derivative(*moved.replaced(parts, lambda x: pages.cut(x, number)))
+                parts = tuple(own.get(k, x) for k, x in enumerate(moving))
+                return for_derivative(*moved.replaced(parts, pages.cutter(number)))
 
             _, out = lax.scan(
                 lambda _, at: (None, one(at[0], moving, at[1])),
@@ -93,13 +95,17 @@ def map_pages(
 
 
 def sum_pages(
-    f: Callable[..., Float[Array, ""]], arguments: Arguments, count: int, page: int
+    f: Callable[..., Float[Array, ""]],
+    arguments: Arguments,
+    planes: Arguments,
+    count: int,
+    page: int,
 ) -> Float[Array, ""]:
     """The sum over `count` pixels of f(own, *arguments), which sums over those where `own` holds.
 
     Its derivative is computed beside the value, in one way through the pages.
     """
-    pages = _Pages(count, page)
+    pages = _Pages(count, page, planes)
 
     def of_page(number: Array, *arguments: Any) -> Float[Array, ""]:
         return f(pages.own(number), *pages.cut(arguments, number))
@@ -125,18 +131,18 @@ def sum_pages(
             own = pages.own(number)
 
             def of_moving(*moving: Array) -> Float[Array, ""]:
-                return f(own, *moved.replaced(moving, lambda x: pages.cut(x, number)))
+                return f(own, *moved.replaced(moving, cut))
 
-            moving = pages.cut(moved.primals, number)
+            cut = pages.cutter(number)
+            moving = tuple(cut(i, x) for i, x in zip(moved.where, moved.primals, strict=True))
             value, new = jax.value_and_grad(of_moving, range(len(moving)))(*moving)
-            return total + value, tuple(
-                pages.added(old, part, number) for old, part in zip(gradient, new, strict=True)
-            )
+            parts = zip(moved.where, gradient, new, strict=True)
+            return total + value, tuple(pages.added(i, old, part, number) for i, old, part in parts)
 
         start = zero(*primals), tuple(jnp.zeros_like(x) for x in moved.primals)
         value, gradient = lax.fori_loop(0, pages.number, add, start)
         terms = [(g * t).sum() for g, t in zip(gradient, moved.tangents, strict=True)]
-        return value, sum(terms[1:], terms[0])
+        return value, sum(terms[1:], terms[0]).astype(value.dtype)
 
     evaluate.defjvp(rule, symbolic_zeros=True)
     return evaluate(*arguments)
@@ -145,14 +151,12 @@ def sum_pages(
 class _Pages:
     """Planes of P pixels as pages of one size; the last one overlaps the one before it."""
 
-    def __init__(self, count: int, page: int) -> None:
+    def __init__(self, count: int, page: int, planes: Arguments) -> None:
+        self.is_plane: list[bool] = jax.tree.leaves(planes)
         self.count = count
         self.number = -(-count // page)
         size = -(-count // self.number // LANES) * LANES
         self.size = min(size, count)
-
-    def is_plane(self, x: Array) -> bool:
-        return x.shape[-1:] == (self.count,)
 
     def start(self, number: Array | int) -> Array:
         return jnp.minimum(jnp.asarray(number) * self.size, self.count - self.size)
@@ -161,25 +165,32 @@ class _Pages:
         """Which pixels of a page are not those of the page before it."""
         return jnp.arange(self.size) + self.start(number) >= jnp.asarray(number) * self.size
 
-    def cut(self, tree: Any, number: Array | int) -> Any:
-        """A tree whose planes are those of a page."""
+    def cutter(self, number: Array | int) -> Callable[[int, Array], Array]:
+        """To a page's part of the argument of a number, where that is a plane."""
         start = self.start(number)
 
-        def part(x: Array) -> Array:
-            if not self.is_plane(x):
+        def cut(i: int, x: Array) -> Array:
+            if not self.is_plane[i]:
                 return x
             return lax.dynamic_slice_in_dim(x, start, self.size, axis=-1)
 
-        return jax.tree.map(part, tree)
+        return cut
+
+    def cut(self, arguments: Arguments, number: Array | int) -> Arguments:
+        """The arguments of a page."""
+        leaves, structure = jax.tree.flatten(arguments)
+        parts = [self.cutter(number)(i, x) for i, x in enumerate(leaves)]
+        return jax.tree.unflatten(structure, parts)
 
     def write(self, plane: Array, page: Array, number: Array) -> Array:
         return lax.dynamic_update_slice_in_dim(plane, page, self.start(number), axis=-1)
 
-    def added(self, total: Array, part: Array, number: Array) -> Array:
+    def added(self, i: int, total: Array, part: Array, number: Array) -> Array:
         """A page's share written into its place of a plane, or added to what is no plane."""
-        if not self.is_plane(total):
+        if not self.is_plane[i]:
             return total + part
-        return self.write(total, jnp.where(self.own(number), part, self.cut(total, number)), number)
+        before = self.cutter(number)(i, total)
+        return self.write(total, jnp.where(self.own(number), part, before), number)
 
     def stack(self, plane: Array) -> Array:
         """[..., P] to [N, ..., size]."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diffshade import guard
+from diffshade.vector import Vec3, unit
 
 TINY = {
     "positive": (0.0, -1.0),
@@ -63,3 +64,12 @@ def test_power_is_the_power(tolerance: float) -> None:
     )
     np.testing.assert_allclose(by_x, (n * x ** (n - 1)).ravel(), rtol=100 * tolerance, atol=1e-37)
     np.testing.assert_allclose(by_n, (x**n * np.log(x)).ravel(), rtol=100 * tolerance, atol=1e-37)
+
+
+def test_short_vectors_have_finite_derivatives() -> None:
+    """The cube of 1/|s| overflows long before the derivative of s/|s| does."""
+    for size in (1e-13, 1e-16, 2e-19):
+        x = jnp.asarray([size, 0, 0], jnp.float32)
+        for mode in (jax.jacfwd, jax.jacrev):
+            slope = mode(lambda x: unit(Vec3.from_array(x)).to_array())(x)
+            assert np.isfinite(slope).all(), (size, slope)

@@ -105,7 +105,7 @@ class Mesh(AbstractSurface):
     def prepared(self) -> "Mesh":
         if self.normals is not None:
             return self
-        normals = _vertex_normals(self.vertices, self.faces, self.weights)
+        normals = _vertex_normals(jnp.asarray(self.vertices), jnp.asarray(self.faces), self.weights)
         return eqx.tree_at(lambda mesh: mesh.normals, self, normals, is_leaf=lambda x: x is None)
 
     def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:

@@ -71,9 +71,9 @@ def cast(mesh: Mesh, camera: AbstractCamera) -> Visibility:
     Raises `BadInput` where there is nothing to see (no faces, or none with an area), where a face
     has a vertex that is not finite, and where Embree is not installed.
     """
-    target = _target(mesh.vertices, mesh.faces)
+    target = _target(jnp.asarray(mesh.vertices), jnp.asarray(mesh.faces))
     leaves, structure = jax.tree.flatten(camera)
-    key = structure, *((str(leaf.dtype), np.asarray(leaf).tobytes()) for leaf in leaves)
+    key = structure, *((str(np.asarray(x).dtype), np.asarray(x).tobytes()) for x in leaves)
     seen = target.views.pop(key, None)
     if seen is None:
         seen = _cast(target, camera, mesh.vertices.dtype)

@@ -30,7 +30,10 @@ class AbstractLight(eqx.Module):
 
     @abstractmethod
     def incidence(self, position: Vec3 | None) -> Incidence:
-        """From where light arrives at the points `position` (None of a G-buffer with normals only)."""
+        """From where light arrives at the points `position` (None of a G-buffer with normals only).
+
+        Written for planes: no `jit`, `vmap` or loop around the functions of `guard` and `vector`.
+        """
 
     @abstractmethod
     def falloff(self, distance: Plane | None) -> Plane | None:

@@ -28,7 +28,8 @@ class AbstractLobe(eqx.Module):
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """What s needs of the unit vectors n, l, v: the same for every coefficient of the lobe.
 
-        A search over the coefficients computes it once.
+        A search over the coefficients computes it once. Written for planes: no `jit`, `vmap` or loop
+        around the functions of `guard` and `vector`.
         """
 
     @abstractmethod

@@ -5,6 +5,10 @@ takes the passes of `in_one_pass`; a derivative goes through `written_out`, with
 computation stored. `plain` is the composition alone, as XLA fuses it by itself.
 """
 
+from typing import Any
+
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -19,7 +23,7 @@ from diffshade.shading.kept_geometry import KeptGeometry
 __all__ = ["image_planes", "sum_of_squares"]
 
 FEW = 2**14
-"""So many pixels take a millisecond whatever the program: not worth a longer compilation."""
+"""Images of fewer pixels take a millisecond, however compiled: not worth the longer compilation."""
 
 
 def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain: bool) -> Channels:
@@ -34,7 +38,10 @@ def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain:
         return _shaded(surface, scene, material, written_out)
 
     arguments = (surface, scene, material)
-    return map_pages(value, arguments, surface.pixel_count, page_size(), keeping(_stored), plainly)
+    planes = _planes(*arguments)
+    return map_pages(
+        value, arguments, planes, surface.pixel_count, page_size(), keeping(_stored), plainly
+    )
 
 
 def sum_of_squares(
@@ -43,11 +50,14 @@ def sum_of_squares(
     material: Material,
     observed: Float[Array, "C P"],
     plain: bool,
-) -> Float[Array, ""]:
-    """The sum over pixels and channels of (image - observed)^2."""
+) -> tuple[Float[Array, ""], int]:
+    """The sum over pixels and channels of (image - observed)^2, and how many channels there are."""
+    shapes = jax.eval_shape(lambda: _shaded(surface, scene, material, written_out))
+    channels = max(len(shapes), len(observed))
     if not _by_pages(surface, plain):
         everywhere = jnp.ones(surface.pixel_count, bool)
-        return _squares(image_planes(surface, scene, material, plain), observed, everywhere)
+        image = image_planes(surface, scene, material, plain)
+        return _squares(image, observed, everywhere), channels
 
     @keeping
     def of_page(
@@ -60,7 +70,21 @@ def sum_of_squares(
         return _squares(_stored(surface, scene, material), observed, own)
 
     arguments = (surface, scene, material, observed)
-    return sum_pages(of_page, arguments, surface.pixel_count, page_size())
+    planes = (*_planes(surface, scene, material), True)
+    squares = sum_pages(of_page, arguments, planes, surface.pixel_count, page_size())
+    return squares, channels
+
+
+def _planes(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Any, Any, Any]:
+    """Which arrays are planes over the pixels: of the surface, all but the eye's; of a material, maps."""
+    of_gbuffer = jax.tree.map(lambda _: True, surface)
+    of_gbuffer = eqx.tree_at(
+        lambda s: s.gbuffer.viewer,
+        of_gbuffer,
+        jax.tree.map(lambda _: False, surface.gbuffer.viewer),
+    )
+    of_scene = jax.tree.map(lambda _: False, scene)
+    return of_gbuffer, of_scene, jax.tree.map(lambda x: x.ndim == 2, material)
 
 
 def _by_pages(surface: KeptGeometry, plain: bool) -> bool:

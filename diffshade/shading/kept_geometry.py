@@ -1,5 +1,7 @@
 """A surface that can be shaded: a G-buffer, and what of its geometry is kept from call to call."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 from jaxtyping import Array, Shaped
 
@@ -8,7 +10,7 @@ from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from diffshade.shading.one_light import Angles, angles
 
-__all__ = ["KeptGeometry", "keep_geometry"]
+__all__ = ["KeptGeometry", "keep_geometry", "kinds"]
 
 
 class KeptGeometry(eqx.Module):
@@ -17,11 +19,13 @@ class KeptGeometry(eqx.Module):
     It stands for the G-buffer in `render` and `mean_squared_error` while positions, normals and the
     directions of lights stay as they are: what may change are coefficients, shininess, intensities
     and the constants of attenuations. It takes a plane for n.l, one a lobe and one for the distance, a
-    light.
+    light. What is rendered from it has no derivative in positions and directions of the scene that it
+    is rendered with: keep it anew where these move, inside what is differentiated.
     """
 
     gbuffer: GBuffer
     angles: tuple[Angles, ...] | None
+    kinds: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property
     def pixel_count(self) -> int:
@@ -33,8 +37,15 @@ class KeptGeometry(eqx.Module):
         return self.gbuffer.from_image(image)
 
 
+def kinds(scene: Scene, material: Material) -> tuple[str, ...]:
+    """The kinds of lights and lobes, in order."""
+    return tuple(type(x).__name__ for x in (*scene.lights, *material.specular))
+
+
 @eqx.filter_jit
-def keep_geometry(gbuffer: GBuffer, scene: Scene, material: Material) -> KeptGeometry:
+def keep_geometry(
+    gbuffer: GBuffer, scene: Scene, material: Material | Sequence[Material]
+) -> KeptGeometry:
     """The geometry of a G-buffer under a scene's lights, computed once for many renders.
 
     n.l, the distance where a light has an attenuation, and what each of the material's lobes needs
@@ -49,6 +60,7 @@ def keep_geometry(gbuffer: GBuffer, scene: Scene, material: Material) -> KeptGeo
     >>> ds.render(keep_geometry(g, scene, material), scene, material).shape
     (8, 8, 1)
     """
-    return KeptGeometry(
-        gbuffer, tuple(angles(gbuffer, light, material.specular) for light in scene.lights)
-    )
+    if not isinstance(material, Material):
+        material = material[0]  # those of one object have the same lobes
+    seen = tuple(angles(gbuffer, light, material.specular) for light in scene.lights)
+    return KeptGeometry(gbuffer, seen, kinds(scene, material))

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial
-from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from diffshade.arrays import is_concrete, is_outermost
+from diffshade.arrays import ArrayLike, is_concrete, is_outermost
 from diffshade.channels import Channels
 from diffshade.errors import BadInput
 from diffshade.fusion import compiler_options
@@ -15,7 +15,7 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material, by_slot
 from diffshade.scene import Scene
 from diffshade.shading.image import image_planes, sum_of_squares
-from diffshade.shading.kept_geometry import KeptGeometry
+from diffshade.shading.kept_geometry import KeptGeometry, kinds
 
 __all__ = ["mean_squared_error", "render"]
 
@@ -56,7 +56,7 @@ def mean_squared_error(
     gbuffer: GBuffer | KeptGeometry,
     scene: Scene,
     material: Material | Sequence[Material],
-    image: Float[Array, "H W C"] | Float[Array, "C P"],
+    image: ArrayLike,
     *,
     plain: bool = False,
 ) -> Float[Array, ""]:
@@ -65,9 +65,10 @@ def mean_squared_error(
     `image` is [H, W, C], or the foreground's planes [C, P] as `GBuffer.from_image` gives them, which
     spares a search for the same loss again and again to look for its foreground. Value and gradient
     take one way through the pixels, page by page, so that `jax.value_and_grad` of this function
-    is faster than of `render` and a loss of your own, and needs no memory beyond the gradient.
-    Exact for every input, in forward and reverse mode; raises as `render` does, and for an image
-    of another size.
+    is faster than of `render` and a loss of your own, and needs, on a CPU, no memory beyond the
+    gradient.
+    Exact for every input, in forward and reverse mode; raises as `render` does, for an image of
+    another size, and for a G-buffer without foreground.
 
     >>> import diffshade as ds
     >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
@@ -76,6 +77,10 @@ def mean_squared_error(
     0.0
     """
     surface, scene, one = _checked(gbuffer, scene, material)
+    if not isinstance(image, jax.Array):
+        image = jnp.asarray(image, float)
+    if not surface.pixel_count:
+        raise BadInput("the G-buffer has no foreground pixel: there is nothing to compare")
     shape, pixels = surface.gbuffer.shape, surface.pixel_count
     if image.ndim == 3 and image.shape[:2] == shape:
         image = surface.from_image(image)
@@ -94,7 +99,7 @@ def _checked(
     one = _one_material(surface.gbuffer, material)
     _check_maps(surface.gbuffer, one)
     if surface.angles is not None:
-        _check_kept(surface.angles, scene, one)
+        _check_kept(surface, scene, one)
     return surface, scene, one
 
 
@@ -128,23 +133,23 @@ def _check_maps(gbuffer: GBuffer, material: Material) -> None:
             )
 
 
-def _check_kept(kept: tuple[Any, ...], scene: Scene, material: Material) -> None:
-    if len(kept) != len(scene.lights):
+def _check_kept(kept: KeptGeometry, scene: Scene, material: Material) -> None:
+    asked = kinds(scene, material)
+    if asked != kept.kinds:
         raise BadInput(
-            f"the kept geometry is of {len(kept)} lights, and the scene has {len(scene.lights)}: keep"
-            " it for this scene"
+            f"the kept geometry is of {_listed(kept.kinds)}, and what is rendered has"
+            f" {_listed(asked)}: keep it for this scene and material"
         )
-    for seen, light in zip(kept, scene.lights, strict=True):
-        if len(seen.lobes) != len(material.specular):
-            raise BadInput(
-                f"the kept geometry is of {len(seen.lobes)} lobes, and the material has"
-                f" {len(material.specular)}: keep it for this material"
-            )
+    for seen, light in zip(kept.angles or (), scene.lights, strict=True):
         if getattr(light, "attenuation", None) is not None and seen.distance is None:
             raise BadInput(
                 "the kept geometry has no distance to a light, which has an attenuation now: keep it"
                 " for this scene"
             )
+
+
+def _listed(kinds: tuple[str, ...]) -> str:
+    return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) or "no lights"
 
 
 @partial(jax.jit, static_argnums=3)
@@ -162,7 +167,8 @@ def _mean_squared_error(
     observed: Float[Array, "C P"],
     plain: bool,
 ) -> Float[Array, ""]:
-    return sum_of_squares(surface, scene, material, observed, plain) / observed.size
+    squares, channels = sum_of_squares(surface, scene, material, observed, plain)
+    return squares / (channels * surface.pixel_count)
 
 
 @cache

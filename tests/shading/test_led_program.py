@@ -196,13 +196,46 @@ def test_coefficients_that_are_maps(tolerance: float) -> None:
 def test_kept_geometry_of_another_scene_is_refused() -> None:
     lit = scene()
     kept = ds.keep_geometry(GBUFFER, lit, MATERIAL)
-    with pytest.raises(ds.BadInput, match="of 3 lights, and the scene has 2"):
+    with pytest.raises(ds.BadInput, match=r"3 PointLight, 1 Phong, .* has 2 PointLight, 1 Phong:"):
         ds.render(kept, ds.Scene(lights=lit.lights[:2]), MATERIAL)
-    with pytest.raises(ds.BadInput, match="of 1 lobes, and the material has 0"):
-        ds.render(kept, lit, ds.Material(kd=0.5))
+    for other in (ds.Material(kd=0.5), ds.Material(specular=ds.BlinnPhong(0.4, 12.0))):
+        with pytest.raises(ds.BadInput, match="keep it for this scene and material"):
+            ds.render(kept, lit, other)
     bare = ds.keep_geometry(GBUFFER, scene(None), MATERIAL)
     with pytest.raises(ds.BadInput, match="no distance to a light"):
         ds.render(bare, lit, MATERIAL)
+
+
+def test_channels_that_differ_and_types_that_mix(tolerance: float) -> None:
+    lit = scene()
+    grey = jnp.full((44, 46, 1), 0.1)
+    by_hand = (GBUFFER.from_image(ds.render(GBUFFER, lit, MATERIAL) - grey) ** 2).mean()
+    for plain in (False, True):
+        found = ds.mean_squared_error(GBUFFER, lit, MATERIAL, grey, plain=plain)
+        assert float(found) == pytest.approx(float(by_hand), rel=20 * tolerance)
+    half = jax.tree.map(
+        lambda x: x.astype(jnp.float32) if jnp.issubdtype(x.dtype, jnp.floating) else x,
+        (GBUFFER, lit, MATERIAL),
+    )
+    mixed = ds.Material(kd=0.5, specular=ds.Phong(ks=half[2].specular[0].ks, shininess=20.0))
+    with jax.numpy_dtype_promotion("standard"):
+        led, plain_ = (
+            jax.value_and_grad(lambda m, p=p: ds.mean_squared_error(*half[:2], m, grey, plain=p))(
+                mixed
+            )
+            for p in (False, True)
+        )
+    agree(led, plain_, 1e-4)
+
+
+def test_an_array_as_long_as_the_foreground_is_no_plane(tolerance: float) -> None:
+    """Only what has the role of a plane is cut into pages: not a coefficient of P channels."""
+    count = GBUFFER.pixel_count
+    many = ds.Material(kd=jnp.linspace(0.1, 0.9, count))
+    lit = ds.Scene(lights=ds.ParallelLight((0, 0, 1)))
+    part = ds.GBuffer.from_arrays(None, np.tile([0.0, 0.0, 1.0], (2, count // 2, 1)))
+    led, plain = (ds.render(part, lit, many, plain=p) for p in (False, True))
+    agree(led, plain, tolerance)
 
 
 def test_an_image_of_another_size_is_refused() -> None:
