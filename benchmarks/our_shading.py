@@ -1,4 +1,4 @@
-"""Our own shading in the form of the rivals: from planes, through the public interface."""
+"""Our own shading in the form of the rivals: from planes to planes."""
 
 from collections.abc import Callable
 from typing import Any
@@ -77,6 +77,7 @@ def gradient(
 
     def call() -> tuple[float, np.ndarray]:
         value, (by_material, by_law) = step((material, law), surface, lit, observed)
+        by_law = ds.QuadraticAttenuation(0.0, 0.0, 0.0) if by_law is None else by_law
         lobe = by_material.specular[0]
         parts = (by_material.ka, by_material.kd, lobe.ks, lobe.shininess[None])
         constants = np.array([by_law.c0, by_law.c1, by_law.c2])

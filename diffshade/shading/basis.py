@@ -61,9 +61,8 @@ def basis(
     view without a lobe, no distance without attenuation. `seen` are the angles under each light
     where they are known; `few` is how the terms of a few lights are summed (`written_out`).
     """
-    lit = bool(scene.lights) and (material.kd is not None or bool(material.specular))
     sums: LightSums = (None, ())
-    if lit:
+    if scene.lights and (material.kd is not None or material.specular):
         view = _view(gbuffer) if material.specular and seen is None else None
 
         def term(lights: Sequence[Lit]) -> LightSums:
@@ -98,8 +97,8 @@ def in_one_pass(
     if all(light.intensity.ndim == 0 for light, _ in lights):
         return packed(written_out, gbuffer, lights, material, view)
 
-    def colourless(lit: Lit, gbuffer: GBuffer, material: Material, view: Vec3 | None) -> LightSums:
-        light, seen = lit
+    def colourless(one: Lit, gbuffer: GBuffer, material: Material, view: Vec3 | None) -> LightSums:
+        light, seen = one
         if seen is None:
             seen = angles(gbuffer, light, material.specular, view)
         return unlit(seen, light, material)
