@@ -123,6 +123,7 @@ def test_the_error_of_an_absorption_is_its_scatter() -> None:
     assert 0.33 < np.mean(np.square(deviations)) < 1.67
 
 
+@pytest.mark.slow
 def test_an_inverse_square_law_has_nothing_to_fit(allowed: float) -> None:
     image = photograph(ds.InverseSquare())
     fit = fitting.fit(image, GBUFFER, scene(None), attenuation=ds.InverseSquare)
@@ -169,6 +170,7 @@ def test_the_true_law_has_the_least_criterion(
     assert [row.bic for row in rows] == sorted(row.bic for row in rows)
 
 
+@pytest.mark.slow
 def test_the_criterion_is_that_of_schwarz() -> None:
     """From the residual that is reported, by the formula of the docstring."""
     image = photograph(ds.ExponentialAttenuation(0.35), noise=0.01)
@@ -270,6 +272,7 @@ def test_held_constants_and_the_clamp(held: str, allowed: float) -> None:
     assert fit.unidentified == ()
 
 
+@pytest.mark.slow
 def test_holding_c1_leaves_the_clamp_to_set_the_scale(allowed: float) -> None:
     truth = (0.1, 0.6, 0.4, 30.0, 0.3, 0.0, 0.1)
     given = scene(ds.QuadraticAttenuation(*truth[4:]))
@@ -305,6 +308,7 @@ def test_an_absorption_can_be_held() -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_clamp_under_outliers() -> None:
     """Shadows by Tukey's weights; the clamp is seen all the same."""
     truth = CLAMPED["steep"]

@@ -36,6 +36,7 @@ def deviations(fit: fitting.Fit) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 def test_outliers_lose_their_weight() -> None:
     """A tenth of the pixels in an unmodelled shadow: least squares is far off, Tukey is not."""
     image = noisy(0)

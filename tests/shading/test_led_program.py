@@ -79,6 +79,7 @@ def test_values(coloured: bool, lights: int, tolerance: float) -> None:
     agree(ds.render(kept, lit, MATERIAL), plain, tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lobe", LOBES)
 @pytest.mark.parametrize("law", ATTENUATIONS)
 def test_reverse_mode_for_every_input(lobe: str, law: str, tolerance: float) -> None:
@@ -113,6 +114,7 @@ def test_both_modes_for_what_is_perturbed(moved: tuple[int, ...], tolerance: flo
     agree(along(False), along(True), 20 * tolerance)
 
 
+@pytest.mark.slow
 def test_large_images_compute_again_what_small_ones_keep(
     monkeypatch: pytest.MonkeyPatch, tolerance: float
 ) -> None:
@@ -160,6 +162,7 @@ def test_squared_error_and_its_derivatives(tolerance: float) -> None:
     agree(everything(False), everything(True), 20 * tolerance)
 
 
+@pytest.mark.slow
 def test_second_derivatives_and_batches(tolerance: float) -> None:
     lit = scene(coloured=False, lights=2)
     observed = 0.8 * ds.render(GBUFFER, lit, MATERIAL)
