@@ -17,8 +17,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import trimesh
 
 import diffshade as ds
+from diffshade.fusion import processors
 from diffshade.geometry import raycast
 
 __all__ = ["icosphere"]
@@ -28,25 +30,8 @@ Turns = dict[str, Callable[[], Any]]
 
 def icosphere(levels: int) -> ds.Mesh:
     """20 * 4**levels triangles, with all vertices on the unit sphere, in single precision."""
-    golden = (1 + 5**0.5) / 2
-    signs = [(a, b) for a in (-1, 1) for b in (-golden, golden)]
-    corners = np.array([np.roll([0, a, b], axis) for axis in range(3) for a, b in signs])
-    near = np.linalg.norm(corners[:, None] - corners, axis=-1) < 2.1
-    triples = np.argwhere(near[:, :, None] & near[:, None] & near[None])
-    triangles = corners[triples[(np.diff(triples, axis=1) > 0).all(axis=1)]]
-    inwards = np.linalg.det(triangles) < 0
-    triangles[inwards] = triangles[inwards][:, ::-1]
-    for _ in range(levels):
-        a, b, c = np.moveaxis(triangles, 1, 0)
-        ab, bc, ca = a + b, b + c, c + a
-        split = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-        triangles = np.concatenate([np.stack(three, axis=1) for three in split])
-        triangles /= np.linalg.norm(triangles, axis=-1, keepdims=True)
-    points = triangles.reshape(-1, 3)
-    _, first, number = np.unique(
-        np.round(points, 9) + 0.0, axis=0, return_index=True, return_inverse=True
-    )
-    return ds.Mesh(points[first].astype(np.float32), number.reshape(-1, 3))
+    ball = trimesh.creation.icosphere(subdivisions=levels)
+    return ds.Mesh(ball.vertices.astype(np.float32), ball.faces)
 
 
 def measured(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> Turns:
@@ -120,10 +105,9 @@ def main() -> None:
     options = parser.parse_args()
     mesh = icosphere(options.levels)
     camera = ds.OrthographicCamera(options.size, options.size, options.extent)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     print(
         f"{mesh.faces.shape[0]} triangles, {options.size} x {options.size} pixels, of which"
-        f" {ds.gbuffer(mesh, camera).pixel_count} see the mesh; {cores} cores, load"
+        f" {ds.gbuffer(mesh, camera).pixel_count} see the mesh; {processors()} cores, load"
         f" {os.getloadavg()[0]:.1f}\n"
     )
     print(table(measured(mesh, camera), options.rounds))

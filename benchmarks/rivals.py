@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from diffshade.fusion import processors
+
 __all__ = ["RIVALS", "exact", "threads"]
 
 RIVALS = {
@@ -32,11 +34,7 @@ EYE = np.array([0.0, 0.0, 6.0])
 def threads() -> int:
     """As many as the process may run on cores, or what OMP_NUM_THREADS says."""
     asked = os.environ.get("OMP_NUM_THREADS")
-    if asked:
-        return int(asked)
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return int(asked) if asked else processors()
 
 
 def exact(

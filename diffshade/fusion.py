@@ -53,6 +53,7 @@ __all__ = [
     "kept",
     "packed",
     "page_size",
+    "processors",
     "search_options",
     "stored",
 ]
@@ -91,8 +92,14 @@ def page_size() -> int:
 
     On one processor a page should fit into the cache; several share the loops over a larger one.
     """
-    alone = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return 2**14 if alone == 1 else 2**16
+    return 2**14 if processors() == 1 else 2**16
+
+
+def processors() -> int:
+    """Those that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def stored(compute: Callable[..., Any], *arguments: Any) -> Any:

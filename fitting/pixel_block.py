@@ -5,7 +5,6 @@ attenuation and basis are computed within a chunk, so that nothing of the size o
 over chunks runs on one processor: each has a share of them, in a thread of its own.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -20,7 +19,7 @@ from jaxtyping import Array, Float
 
 from diffshade.channels import Channels, channels, per_channel, times
 from diffshade.errors import BadInput
-from diffshade.fusion import compiler_options
+from diffshade.fusion import compiler_options, processors
 from diffshade.geometry.viewer import AbstractViewer
 from diffshade.light.base import AbstractLight
 from diffshade.reflectance.lambert import lambert
@@ -114,15 +113,8 @@ def fit_block(
 @cache
 def _workers() -> tuple[ThreadPoolExecutor, int]:
     """A thread for each processor; one where another device does the work."""
-    count = _processors() if jax.default_backend() == "cpu" else 1
+    count = processors() if jax.default_backend() == "cpu" else 1
     return ThreadPoolExecutor(count, thread_name_prefix="fit_maps"), count
-
-
-def _processors() -> int:
-    """Those that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @cache

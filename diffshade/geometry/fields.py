@@ -48,9 +48,8 @@ def indices(name: str) -> Callable[[Any], Int[Array, "..."]]:
 
     def convert(value: Any) -> Int[Array, "..."]:
         if not isinstance(value, jax.Array):
-            value = np.array(
-                value
-            )  # a copy: JAX may share memory that its owner can still write to
+            # A copy: JAX may share memory that its owner can still write to.
+            value = np.array(value)
         if not jnp.issubdtype(value.dtype, jnp.integer):
             raise BadInput(f"{name} holds {value.dtype} numbers: give whole numbers")
         return jnp.asarray(value, dtype=jnp.int32)

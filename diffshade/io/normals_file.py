@@ -111,7 +111,7 @@ def _matlab(path: Path) -> np.ndarray:
         contents = loadmat(path)
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; check the path") from None
-    except NotImplementedError:
+    except NotImplementedError:  # what SciPy says to a MATLAB 7.3 file, which is HDF5
         raise BadInput(f"{path}: is a MATLAB 7.3 file; save it with save(..., '-v7')") from None
     # loadmat raises types of many modules for a damaged file.
     except Exception as error:

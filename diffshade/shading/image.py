@@ -20,7 +20,7 @@ from diffshade.scene import Scene
 from diffshade.shading.basis import Basis, Few, basis, contract, in_one_pass, written_out
 from diffshade.shading.kept_geometry import KeptGeometry
 
-__all__ = ["image_planes", "sum_of_squares"]
+__all__ = ["image_planes", "squared_error"]
 
 FEW = 2**14
 """Images of fewer pixels take a millisecond, however compiled: not worth the longer compilation."""
@@ -44,20 +44,18 @@ def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain:
     )
 
 
-def sum_of_squares(
+def squared_error(
     surface: KeptGeometry,
     scene: Scene,
     material: Material,
     observed: Float[Array, "C P"],
     plain: bool,
-) -> tuple[Float[Array, ""], int]:
-    """The sum over pixels and channels of (image - observed)^2, and how many channels there are."""
-    shapes = jax.eval_shape(lambda: _shaded(surface, scene, material, written_out))
-    channels = max(len(shapes), len(observed))
+) -> Float[Array, ""]:
+    """The sum over pixels of the mean over channels of (image - observed)^2."""
     if not _by_pages(surface, plain):
         everywhere = jnp.ones(surface.pixel_count, bool)
         image = image_planes(surface, scene, material, plain)
-        return _squares(image, observed, everywhere), channels
+        return _squares(image, observed, everywhere)
 
     @keeping
     def of_page(
@@ -71,8 +69,7 @@ def sum_of_squares(
 
     arguments = (surface, scene, material, observed)
     planes = (*_planes(surface, scene, material), True)
-    squares = sum_pages(of_page, arguments, planes, surface.pixel_count, page_size())
-    return squares, channels
+    return sum_pages(of_page, arguments, planes, surface.pixel_count, page_size())
 
 
 def _planes(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Any, Any, Any]:
@@ -118,4 +115,4 @@ def _squares(
     count = max(len(image), len(observed))
     pairs = zip(per_channel(image, count), per_channel(tuple(observed), count), strict=True)
     squares = [jnp.where(own, (i - o) ** 2, 0) for i, o in pairs]
-    return sum(squares[1:], squares[0]).sum()
+    return sum(squares[1:], squares[0]).sum() / count

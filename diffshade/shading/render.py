@@ -14,7 +14,7 @@ from diffshade.fusion import compiler_options
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material, by_slot
 from diffshade.scene import Scene
-from diffshade.shading.image import image_planes, sum_of_squares
+from diffshade.shading.image import image_planes, squared_error
 from diffshade.shading.kept_geometry import KeptGeometry, kinds
 
 __all__ = ["mean_squared_error", "render"]
@@ -64,9 +64,7 @@ def mean_squared_error(
 
     `image` is [H, W, C], or the foreground's planes [C, P] as `GBuffer.from_image` gives them, which
     spares a search for the same loss again and again to look for its foreground. Value and gradient
-    take one way through the pixels, page by page, so that `jax.value_and_grad` of this function
-    is faster than of `render` and a loss of your own, and needs, on a CPU, no memory beyond the
-    gradient.
+    take one way through the pixels on a CPU, page by page, and no memory beyond the gradient.
     Exact for every input, in forward and reverse mode; raises as `render` does, for an image of
     another size, and for a G-buffer without foreground.
 
@@ -167,8 +165,7 @@ def _mean_squared_error(
     observed: Float[Array, "C P"],
     plain: bool,
 ) -> Float[Array, ""]:
-    squares, channels = sum_of_squares(surface, scene, material, observed, plain)
-    return squares / (channels * surface.pixel_count)
+    return squared_error(surface, scene, material, observed, plain) / surface.pixel_count
 
 
 @cache
