@@ -48,7 +48,7 @@ def test_plain_arrays_make_one(tmp_path: Path) -> None:
     np.savez(tmp_path / "g.npz", normal=normal, position=normal)
     loaded = load_gbuffer(tmp_path / "g.npz")
     assert loaded.pixel_count == 1
-    assert float(loaded.normal.z[0]) == 1
+    np.testing.assert_allclose(loaded.normal.z, [1], rtol=1e-6)
     assert loaded.position is not None
     assert float(loaded.position.z[0]) == 7
     np.testing.assert_array_equal(loaded.viewer.direction(None).z, jnp.ones(()))
