@@ -15,6 +15,7 @@ from .light.attenuation import ExponentialAttenuation as ExponentialAttenuation
 from .light.attenuation import InverseSquare as InverseSquare
 from .light.attenuation import LinearAttenuation as LinearAttenuation
 from .light.attenuation import QuadraticAttenuation as QuadraticAttenuation
+from .light.attenuation import Windowed as Windowed
 from .light.parallel import ParallelLight as ParallelLight
 from .light.point import PointLight as PointLight
 from .reflectance.blinn_phong import BlinnPhong as BlinnPhong

@@ -48,6 +48,7 @@ from diffshade.perturbed import Perturbed
 __all__ = [
     "Node",
     "compiler_options",
+    "is_keeping",
     "is_led",
     "keeping",
     "kept",
@@ -87,12 +88,13 @@ def search_options() -> Options:
     return compiler_options() | ({"xla_cpu_use_fusion_emitters": False} if older else {})
 
 
-def page_size() -> int:
-    """How many pixels are shaded at once.
+def page_size(lights: int = 1) -> int:
+    """How many pixels are shaded at once, where something is kept of each of so many lights.
 
     On one processor a page should fit into the cache; several share the loops over a larger one.
     """
-    return 2**14 if processors() == 1 else 2**16
+    chunks = -(-lights // 4)
+    return max((2**14 if processors() == 1 else 2**16) // chunks, 2**12)
 
 
 def processors() -> int:
@@ -199,13 +201,18 @@ def keeping(compute: Callable[..., Any]) -> Callable[..., Any]:
     return traced
 
 
+def is_keeping() -> bool:
+    """Whether what is traced now is a derivative whose nodes are stored."""
+    return isinstance(_nodes.get(), _Stored)
+
+
 def kept(compute: Callable[..., Any], *arguments: Any) -> Any:
     """`compute(*arguments)`, a tree of planes, packed where `keeping` is on.
 
     Its nodes are stored first, in the order in which they are met, and read again by every root. Its
     derivative is that of the plain computation, with the values of the nodes.
     """
-    if not isinstance(_nodes.get(), _Stored):
+    if not is_keeping():
         return compute(*arguments)
     with _as(_Noted()) as noted:
         compute(*arguments)  # only its nodes are used: XLA drops the rest

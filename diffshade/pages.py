@@ -39,13 +39,13 @@ def map_pages(
     count: int,
     page: int,
     for_derivative: Callable[..., Planes],
-    plain: Callable[..., Planes],
+    plain: Callable[..., Planes] | None,
 ) -> Planes:
     """f(*arguments), which gives planes [P] over `count` pixels, each from its own pixel alone.
 
     `for_derivative` is the same function, written to be differentiated page by page, and `plain` the
     one that JAX differentiates as it stands: where numbers alone are perturbed, and the image is not
-    large, keeping what they need of all pixels is faster than to compute it again.
+    large, keeping what they need of all pixels is faster than to compute it again (None: never).
     """
     pages = _Pages(count, page, planes)
 
@@ -62,7 +62,7 @@ def map_pages(
     def rule(primals: Arguments, tangents: Arguments) -> tuple[Planes, Planes]:
         moved = Perturbed(primals, tangents)
         numbers_alone = not any(pages.is_plane[i] for i in moved.where)
-        if moved and count <= HELD and numbers_alone:
+        if moved and plain is not None and count <= HELD and numbers_alone:
 
             def held(*moving: Array) -> Planes:
                 return plain(*moved.replaced(moving))

@@ -6,6 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from diffshade.arrays import vector
+from diffshade.bounds import Ball, Cone
 from diffshade.errors import BadInput
 from diffshade.vector import Vec3, unit
 
@@ -18,6 +19,10 @@ class AbstractViewer(eqx.Module):
     @abstractmethod
     def direction(self, position: Vec3 | None) -> Vec3:
         """v, the unit vector from the surface to the observer (LIGHT-7)."""
+
+    @abstractmethod
+    def over(self, ball: Ball | None) -> Cone:
+        """v for all points of a ball."""
 
 
 class Eye(AbstractViewer):
@@ -33,6 +38,11 @@ class Eye(AbstractViewer):
             )
         return unit(Vec3.from_array(self.position) - position)
 
+    def over(self, ball: Ball | None) -> Cone:
+        if ball is None:
+            raise BadInput("an eye needs positions, and this G-buffer has normals only")
+        return ball.towards(Vec3.from_array(self.position))
+
 
 class DistantViewer(AbstractViewer):
     """An observer at infinity, as an orthographic camera has it: v is one constant direction."""
@@ -41,3 +51,6 @@ class DistantViewer(AbstractViewer):
 
     def direction(self, position: Vec3 | None) -> Vec3:
         return unit(Vec3.from_array(self.view))
+
+    def over(self, ball: Ball | None) -> Cone:
+        return Cone.ray(self.direction(None))

@@ -18,13 +18,14 @@ __all__ = [
     "InverseSquare",
     "LinearAttenuation",
     "QuadraticAttenuation",
+    "Windowed",
 ]
 
 Plane = Float[Array, "..."]
 
 
 class AbstractAttenuation(eqx.Module):
-    """A factor f(d) on the intensity of a light."""
+    """A factor f(d) on the intensity of a light, which does not rise with d > 0."""
 
     @abstractmethod
     def __call__(self, d: Plane) -> Plane:
@@ -86,3 +87,25 @@ class ExponentialAttenuation(AbstractAttenuation):
 
     def __call__(self, d: Plane) -> Plane:
         return jnp.exp(-self.a * d)
+
+
+class Windowed(AbstractAttenuation):
+    """f(d) w(d) with the window w(d) = max(0, 1 - (d/R)^4)^2: a light of finite reach (Karis 2013).
+
+    `law` is the attenuation within the reach R = `reach` > 0, in units of length. w is 1 with two
+    derivatives of 0 at the light, and meets 0 smoothly at d = R. Farther away nothing arrives, so
+    that tiles of an image which are out of reach leave the light out, without any error.
+
+    >>> f = Windowed(InverseSquare(), reach=2.0)
+    >>> float(f(jnp.array(1.0))), float(f(jnp.array(2.5)))  # (1 - 1/16)^2
+    (0.878..., 0.0)
+    """
+
+    law: AbstractAttenuation
+    reach: Float[Array, "..."] = eqx.field(converter=positive("reach"))
+
+    def __call__(self, d: Plane) -> Plane:
+        part = d * guard.reciprocal(self.reach)
+        square = part * part
+        window = guard.positive(1 - square * square)
+        return self.law(d) * (window * window)

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from diffshade.bounds import Ball, Cone
 from diffshade.vector import Vec3
 
-__all__ = ["AbstractLight", "Incidence"]
+__all__ = ["AbstractLight", "Incidence", "Incoming"]
 
 Plane = Float[Array, "..."]
 
@@ -23,10 +24,22 @@ class Incidence(NamedTuple):
     distance: Plane | None
 
 
+class Incoming(NamedTuple):
+    """The same for all points of a tile: the directions to the source, and the least distance."""
+
+    l: Cone
+    nearest: Plane | None
+
+
 class AbstractLight(eqx.Module):
     """A source of light with an intensity I_p: one number, or one a channel."""
 
     intensity: eqx.AbstractVar[Float[Array, "..."]]
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether nothing arrives beyond some distance."""
+        return False
 
     @abstractmethod
     def incidence(self, position: Vec3 | None) -> Incidence:
@@ -34,6 +47,13 @@ class AbstractLight(eqx.Module):
 
         Written for planes: no `jit`, `vmap` or loop around the functions of `guard` and `vector`.
         """
+
+    def over(self, ball: Ball | None) -> Incoming | None:
+        """`incidence` for all points of a ball; None, the default, of a light that is never left out.
+
+        `falloff` must not rise with the distance where this is given.
+        """
+        return None
 
     @abstractmethod
     def falloff(self, distance: Plane | None) -> Plane | None:

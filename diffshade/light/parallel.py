@@ -4,7 +4,8 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from diffshade.arrays import floats, vector
-from diffshade.light.base import AbstractLight, Incidence
+from diffshade.bounds import Ball, Cone
+from diffshade.light.base import AbstractLight, Incidence, Incoming
 from diffshade.vector import Vec3, unit
 
 __all__ = ["ParallelLight"]
@@ -29,6 +30,9 @@ class ParallelLight(AbstractLight):
 
     def incidence(self, position: Vec3 | None) -> Incidence:
         return Incidence(unit(Vec3.from_array(self.direction)), None)
+
+    def over(self, ball: Ball | None) -> Incoming:
+        return Incoming(Cone.ray(unit(Vec3.from_array(self.direction))), None)
 
     def falloff(self, distance: Float[Array, "..."] | None) -> None:
         return None

@@ -5,9 +5,10 @@ from jaxtyping import Array, Float
 
 from diffshade import guard
 from diffshade.arrays import floats, vector
+from diffshade.bounds import Ball
 from diffshade.errors import BadInput
-from diffshade.light.attenuation import AbstractAttenuation
-from diffshade.light.base import AbstractLight, Incidence
+from diffshade.light.attenuation import AbstractAttenuation, Windowed
+from diffshade.light.base import AbstractLight, Incidence, Incoming
 from diffshade.vector import Vec3, dot
 
 __all__ = ["PointLight"]
@@ -34,6 +35,10 @@ class PointLight(AbstractLight):
     )
     attenuation: AbstractAttenuation | None = None
 
+    @property
+    def is_finite(self) -> bool:
+        return isinstance(self.attenuation, Windowed)
+
     def incidence(self, position: Vec3 | None) -> Incidence:
         if position is None:
             raise BadInput(
@@ -45,6 +50,13 @@ class PointLight(AbstractLight):
         inverse_d = guard.reciprocal_sqrt(d_squared)
         l = s * inverse_d
         return Incidence(l, None if self.attenuation is None else d_squared * inverse_d)
+
+    def over(self, ball: Ball | None) -> Incoming | None:
+        if ball is None:
+            return None
+        position = Vec3.from_array(self.position)
+        nearest = None if self.attenuation is None else ball.nearest(position)
+        return Incoming(ball.towards(position), nearest)
 
     def falloff(self, distance: Plane | None) -> Plane | None:
         return None if distance is None or self.attenuation is None else self.attenuation(distance)

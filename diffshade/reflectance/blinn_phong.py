@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from diffshade import guard
 from diffshade.arrays import coefficients, positive
+from diffshade.bounds import Cone, largest_cosine, smallest_cosine
 from diffshade.channels import channels
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.vector import Vec3, dot, halfway
@@ -54,3 +55,12 @@ class BlinnPhong(AbstractLobe):
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))
+
+    def most(self, n: Cone, l: Cone, v: Cone) -> Plane:
+        """max(0, n.h)^n with n.h = (n.l + n.v) / |l + v|: largest above, smallest below, the least n."""
+        shortest = guard.sqrt(2 + 2 * smallest_cosine(l, v))
+        sum_of_cosines = largest_cosine(n, l) + largest_cosine(n, v)
+        cosine = jnp.where(
+            sum_of_cosines < shortest, sum_of_cosines * guard.reciprocal(shortest), 1
+        )
+        return guard.power(cosine, self.shininess.min())

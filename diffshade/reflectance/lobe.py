@@ -5,6 +5,7 @@ from abc import abstractmethod
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from diffshade.bounds import Cone
 from diffshade.vector import Vec3
 
 __all__ = ["AbstractLobe"]
@@ -35,6 +36,10 @@ class AbstractLobe(eqx.Module):
     @abstractmethod
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         """s from `angles`: one plane, or one a channel; 0 where n.l <= 0."""
+
+    def most(self, n: Cone, l: Cone, v: Cone) -> Plane | None:
+        """The largest s for n, l, v in cones; None, the default, where it is not known."""
+        return None
 
     def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
         """s for unit vectors n, l, v: one plane, or one a channel; 0 where n.l <= 0."""

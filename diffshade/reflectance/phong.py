@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from diffshade import guard
 from diffshade.arrays import coefficients, positive
+from diffshade.bounds import Cone, largest_cosine, reflected
 from diffshade.channels import channels
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.vector import Vec3, dot, reflect
@@ -53,3 +54,7 @@ class Phong(AbstractLobe):
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))
+
+    def most(self, n: Cone, l: Cone, v: Cone) -> Plane:
+        """max(0, r.v)^n for the r and v that are nearest, and the least n."""
+        return guard.power(largest_cosine(reflected(l, n), v), self.shininess.min())

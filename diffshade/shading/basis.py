@@ -12,6 +12,7 @@ from typing import TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
+from jax import lax
 from jaxtyping import Array, Float
 
 from diffshade.channels import Channels, channels, plus, times
@@ -20,11 +21,23 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from diffshade.shading.lights import LightSums, add, sum_over_lights
+from diffshade.shading.cull import at_most, tile_of
+from diffshade.shading.lights import Dimmest, LightSums, Many, add, gathered, sum_over_lights
 from diffshade.shading.one_light import Angles, angles, lit, reflected, unlit
 from diffshade.vector import Vec3
 
-__all__ = ["Basis", "basis", "contract", "in_one_pass", "of_light_sums", "written_out"]
+__all__ = [
+    "Basis",
+    "Few",
+    "Lit",
+    "basis",
+    "basis_of",
+    "contract",
+    "in_one_pass",
+    "lights_of",
+    "of_light_sums",
+    "written_out",
+]
 
 
 class Basis(eqx.Module):
@@ -49,29 +62,54 @@ Few: TypeAlias = Callable[[GBuffer, Sequence[Lit], Material, Vec3 | None], Light
 
 
 def basis(
-    gbuffer: GBuffer,
-    scene: Scene,
-    material: Material,
-    seen: tuple[Angles, ...] | None = None,
-    few: Few | None = None,
+    gbuffer: GBuffer, scene: Scene, material: Material, seen: tuple[Angles, ...] | None = None
 ) -> Basis:
     """The basis of an image for `material`'s terms, lobes and colours; ka, kd and ks are not read.
 
     What is absent is not computed: no ambient without I_a and k_a, no n.l or l without lights, no
     view without a lobe, no distance without attenuation. `seen` are the angles under each light
-    where they are known; `few` is how the terms of a few lights are summed (`written_out`).
+    where they are known.
+    """
+    return basis_of(gbuffer, scene.ambient, lights_of(scene, seen), material, written_out)
+
+
+def lights_of(scene: Scene, seen: tuple[Angles, ...] | None) -> tuple[Lit | Many, ...]:
+    """A scene's lights, gathered where there are many of a kind, with the angles that are known."""
+    if seen is not None:
+        return tuple(zip(scene.lights, seen, strict=True))
+    return gathered([(light, None) for light in scene.lights])
+
+
+def basis_of(
+    gbuffer: GBuffer,
+    ambient: Float[Array, "..."] | None,
+    lights: Sequence[Lit | Many],
+    material: Material,
+    few: Few,
+    tolerance: Float[Array, ""] | None = None,
+) -> Basis:
+    """The basis under lights that are gathered already.
+
+    `few` is how the terms of a few lights are summed. With a `tolerance` lights that add up to less on
+    all of the pixels are left out (`cull`).
     """
     sums: LightSums = (None, ())
-    if scene.lights and (material.kd is not None or material.specular):
-        view = _view(gbuffer) if material.specular and seen is None else None
+    if lights and (material.kd is not None or material.specular):
+        known = all(not isinstance(x, Many) and x[1] is not None for x in lights)
+        view = _view(gbuffer) if material.specular and not known else None
 
         def term(lights: Sequence[Lit]) -> LightSums:
-            return (few or written_out)(gbuffer, lights, material, view)
+            return few(gbuffer, lights, material, view)
 
-        under = seen or (None,) * len(scene.lights)
-        sums = sum_over_lights(term, tuple(zip(scene.lights, under, strict=True)))
+        dimmest = None if tolerance is None else _dimmest(gbuffer, material, tolerance)
+        sums = sum_over_lights(term, lights, dimmest)
         sums = sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)
-    return of_light_sums(sums, scene.ambient, material)
+    return of_light_sums(sums, ambient, material)
+
+
+def _dimmest(gbuffer: GBuffer, material: Material, tolerance: Float[Array, ""]) -> Dimmest:
+    tile, material = lax.stop_gradient((tile_of(gbuffer), material))
+    return Dimmest(lambda one: at_most(tile, one[0], material), lax.stop_gradient(tolerance))
 
 
 def written_out(

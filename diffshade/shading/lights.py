@@ -1,78 +1,199 @@
 """The sum over any number of lights, at a compile time that does not grow with their number.
 
 A few lights of a kind are written out one after the other, which XLA fuses into one pass over the
-planes. Many of a kind become a scan over chunks of them, so that a thousand lights compile in the
-time of a few. A GPU, for which every chunk is one more way through its memory, has larger ones.
+planes. Many of a kind become arrays, field by field, and a scan over chunks of them, so that a thousand
+lights compile in the time of a few. A GPU, for which every chunk is one more way through its memory,
+has larger chunks.
+
+Where it is known how bright each can be at the most, the dimmest are left out (`cull`). A value takes
+as many turns as chunks are needed; a derivative, which JAX wants of a loop of known length, passes over
+the others.
 """
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, Int
 
 from diffshade.channels import Channels, plus
-from diffshade.fusion import is_led
+from diffshade.fusion import is_keeping, is_led
+from diffshade.shading.cull import needed
 
-__all__ = ["LightSums", "add", "sum_over_lights"]
+__all__ = ["Dimmest", "LightSums", "Many", "add", "gathered", "sum_over_lights"]
 
 LightSums: TypeAlias = tuple[Channels | None, tuple[Channels, ...]]
 """The diffuse sum, and one a lobe."""
 
-CHUNK = 4
-CHUNK_ELSEWHERE = 32
-
-Light = TypeVar("Light")
+Light: TypeAlias = Any
 """A light, with whatever is known of it: a tree of arrays."""
 
-
-def sum_over_lights(
-    term: Callable[[Sequence[Light]], LightSums], lights: tuple[Light, ...]
-) -> LightSums:
-    """The sum over one or more lights, where term(some) is the sum over a few of one kind."""
-    total: LightSums | None = None
-    size = CHUNK if is_led() else CHUNK_ELSEWHERE
-    for group in _by_kind(lights):
-        chunked = len(group) // size * size if len(group) >= 2 * size else 0
-        if chunked:
-            total = add(total, _scan(term, group[:chunked], size))
-        for first in range(chunked, len(group), size):
-            total = add(total, term(group[first : first + size]))
-    assert total is not None
-    return total
+CHUNK = 4
+CHUNK_OF_TILE = 8
+CHUNK_ELSEWHERE = 32
+TOGETHER = 32
+"""So many arrays XLA stacks in one loop."""
+HELD = 32
+"""So many lights at the most have all that their derivative reads kept at once, for a page of pixels."""
 
 
-def _by_kind(lights: tuple[Light, ...]) -> list[list[Light]]:
-    """Lights whose fields have the same structure, shapes and types, in order of appearance."""
+class Many(eqx.Module):
+    """Lights of one kind: the fields of all, [L, ...] each, as a tree like one of them."""
+
+    fields: Light
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return jax.tree.leaves(self.fields)[0].shape[0]
+
+    def chunks(self, size: int) -> "Many":
+        """[L / size, size, ...]: the lights in chunks; those that fill none are left out."""
+        number = self.count // size
+
+        def chunked(leaf: Array) -> Array:
+            return leaf[: number * size].reshape(number, size, *leaf.shape[1:])
+
+        return Many(jax.tree.map(chunked, self.fields))
+
+    def one(self, number: int | Int[Array, ""]) -> Light:
+        """A light, or a chunk of them."""
+        return jax.tree.map(lambda leaf: leaf[number], self.fields)
+
+    def taken(self, numbers: Int[Array, "N"]) -> "Many":
+        """Those of some numbers: the fields side by side, for gathering rows takes its time."""
+        leaves, structure = jax.tree.flatten(self.fields)
+        if len({leaf.dtype for leaf in leaves}) > 1:
+            return Many(self.one(numbers))
+        rows = jnp.concatenate([leaf.reshape(self.count, -1) for leaf in leaves], axis=1)[numbers]
+        ends = np.cumsum([leaf[0].size for leaf in leaves])[:-1]
+        parts = zip(jnp.split(rows, ends, axis=1), leaves, strict=True)
+        fields = [part.reshape(-1, *leaf.shape[1:]) for part, leaf in parts]
+        return Many(jax.tree.unflatten(structure, fields))
+
+    def some(self, first: int) -> list[Light]:
+        """All from the first on, one by one."""
+        return [self.one(number) for number in range(first, self.count)]
+
+
+class Dimmest(NamedTuple):
+    """What may be left out: lights that add up to less than `tolerance`."""
+
+    at_most: Callable[[Light], Float[Array, ""]]
+    tolerance: Float[Array, ""]
+
+
+def gathered(lights: Sequence[Light | Many]) -> tuple[Light | Many, ...]:
+    """The same lights: those of which there are many of a kind as arrays, in order of appearance.
+
+    Of a kind are lights whose fields have the same structure, shapes and types.
+    """
     groups: dict[object, list[Light]] = {}
     for light in lights:
         leaves, structure = jax.tree.flatten(light)
         groups.setdefault((structure, *((x.shape, x.dtype) for x in leaves)), []).append(light)
-    return list(groups.values())
+    together: list[Light | Many] = []
+    for group in groups.values():
+        if len(group) >= 2 * _chunk_size():
+            together.append(Many(jax.tree.map(lambda *leaves: _stack(leaves), *group)))
+        else:
+            together.extend(group)
+    return tuple(together)
 
 
-def _scan(
-    term: Callable[[Sequence[Light]], LightSums], lights: list[Light], size: int
+def sum_over_lights(
+    term: Callable[[Sequence[Light]], LightSums],
+    lights: Sequence[Light | Many],
+    dimmest: Dimmest | None = None,
 ) -> LightSums:
-    chunks = jax.tree.map(
-        lambda *leaves: jnp.stack(leaves).reshape(-1, size, *leaves[0].shape), *lights
-    )
+    """The sum over one or more lights, where term(some) is the sum over a few."""
+    total: LightSums | None = None
+    size = _chunk_size()
+    together = gathered(lights)
+    few = [light for light in together if not isinstance(light, Many)]
+    kinds = [light for light in together if isinstance(light, Many)]
+    for many in kinds:
+        if dimmest is None:
+            total = add(total, _sum_of_all(term, many, size))
+            few += many.some(many.count // size * size)
+        else:
+            share = dimmest._replace(tolerance=dimmest.tolerance / len(kinds))
+            total = add(total, _sum_of_needed(term, many, CHUNK_OF_TILE, share))
+            few += many.some(many.count // CHUNK_OF_TILE * CHUNK_OF_TILE)
+    for first in range(0, len(few), size):
+        total = add(total, term(few[first : first + size]))
+    assert total is not None
+    return total
 
-    # A derivative computes a chunk's terms again, rather than keep those of all lights.
-    @jax.checkpoint
-    def of_chunk(chunk: Light) -> LightSums:
-        return term([jax.tree.map(lambda leaf: leaf[k], chunk) for k in range(size)])  # noqa: B023
+
+def _sum_of_all(term: Callable[[Sequence[Light]], LightSums], many: Many, size: int) -> LightSums:
+    """The sum over as many lights as fill whole chunks."""
+    chunks, of_chunk, start = _in_chunks(term, many, size)
 
     def add_chunk(total: LightSums, chunk: Light) -> tuple[LightSums, None]:
         return add(total, of_chunk(chunk)), None
 
-    shapes = jax.eval_shape(lambda: term(lights[:size]))
+    return lax.scan(add_chunk, start, chunks.fields)[0]
+
+
+def _sum_of_needed(
+    term: Callable[[Sequence[Light]], LightSums], many: Many, size: int, dimmest: Dimmest
+) -> LightSums:
+    """The same without the dimmest."""
+    whole = Many(jax.tree.map(lambda leaf: leaf[: many.count // size * size], many.fields))
+    most = jax.vmap(dimmest.at_most)(lax.stop_gradient(whole.fields))
+    numbers, count = needed(most, dimmest.tolerance)
+    chunks, of_chunk, start = _in_chunks(term, whole.taken(numbers), size)
+    turns = -(-count // size)
+
+    def add_chunk(total: LightSums, number: Int[Array, ""]) -> LightSums:
+        return add(total, of_chunk(chunks.one(number)))
+
+    def add_if_needed(total: LightSums, number: Int[Array, ""]) -> tuple[LightSums, None]:
+        return lax.cond(number < turns, add_chunk, lambda total, _: total, total, number), None
+
+    if is_keeping():
+        return lax.scan(add_if_needed, start, jnp.arange(chunks.count))[0]
+    return lax.fori_loop(0, turns, lambda number, total: add_chunk(total, number), start)
+
+
+def _in_chunks(
+    term: Callable[[Sequence[Light]], LightSums], many: Many, size: int
+) -> tuple[Many, Callable[[Light], LightSums], LightSums]:
+    """The chunks, the sum over one, and a sum over none."""
+
+    def of_chunk(chunk: Light) -> LightSums:
+        return term(Many(chunk).some(0))
+
+    chunks = many.chunks(size)
+    shapes = jax.eval_shape(lambda: of_chunk(chunks.one(0)))
     start = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-    return jax.lax.scan(add_chunk, start, chunks)[0]
+    if is_keeping() and many.count <= HELD:
+        return chunks, of_chunk, start
+    # A derivative computes a chunk's terms again, rather than keep those of all lights.
+    return chunks, jax.checkpoint(of_chunk), start
 
 
 def add(total: LightSums | None, term: LightSums) -> LightSums:
+    """The sum of two sums."""
     if total is None:
         return term
     diffuse = None if total[0] is None or term[0] is None else plus(total[0], term[0])
     return diffuse, tuple(plus(a, b) for a, b in zip(total[1], term[1], strict=True))
+
+
+def _chunk_size() -> int:
+    return CHUNK if is_led() else CHUNK_ELSEWHERE
+
+
+def _stack(leaves: Sequence[Array]) -> Float[Array, "L ..."]:
+    """Arrays as one, part by part: XLA takes minutes over a thousand arrays that it fuses."""
+    if len(leaves) <= TOGETHER:
+        return jnp.stack(leaves)
+    firsts = range(0, len(leaves), TOGETHER)
+    parts = [jnp.stack(leaves[first : first + TOGETHER]) for first in firsts]
+    return jnp.concatenate(lax.optimization_barrier(parts))

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from diffshade.arrays import ArrayLike, is_concrete, is_outermost
+from diffshade.arrays import ArrayLike, is_concrete, is_outermost, optional, positive
 from diffshade.channels import Channels
 from diffshade.errors import BadInput
 from diffshade.fusion import compiler_options
@@ -26,6 +26,7 @@ def render(
     material: Material | Sequence[Material],
     *,
     plain: bool = False,
+    tolerance: float | Float[Array, ""] | None = None,
 ) -> Float[Array, "H W C"]:
     """The image I = I_a k_a + sum_j I_j f(d_j) [k_d n.l_j + k_s (r_j.v)^n] (LIGHT-13).
 
@@ -38,6 +39,10 @@ def render(
     options for the platform. Not smooth where n.l = 0, r.v = 0 and where an attenuation is clamped.
     `plain` leaves the program to XLA: the same image to rounding, slower on a CPU.
 
+    Of many lights a CPU leaves out, tile by tile, what adds up to at most `tolerance` in any channel of
+    any pixel, in the unit of the image; 0 leaves out what is exactly dark, as is done without asking
+    for many lights of finite reach (`Windowed`). Derivatives are those of the lights that are left.
+
     Raises `BadInput` for numbers of channels that do not match, a point light or an eye with a
     G-buffer that has no positions, and a sequence of materials with a G-buffer that has no slots.
 
@@ -47,9 +52,10 @@ def render(
     (8, 8, 1)
     """
     arguments = _checked(gbuffer, scene, material)
+    error = _tolerance(tolerance)
     if is_outermost() and is_concrete(arguments):
-        return _to_image(arguments[0].gbuffer, _planes_jit()(*arguments, plain))
-    return _render(*arguments, plain)
+        return _to_image(arguments[0].gbuffer, _planes_jit()(*arguments, plain, error))
+    return _render(*arguments, plain, error)
 
 
 def mean_squared_error(
@@ -59,6 +65,7 @@ def mean_squared_error(
     image: ArrayLike,
     *,
     plain: bool = False,
+    tolerance: float | Float[Array, ""] | None = None,
 ) -> Float[Array, ""]:
     """The mean of (I - image)^2 over foreground pixels and channels, I as `render` has it.
 
@@ -66,7 +73,7 @@ def mean_squared_error(
     spares a search for the same loss again and again to look for its foreground. Value and gradient
     take one way through the pixels on a CPU, page by page, and no memory beyond the gradient.
     Exact for every input, in forward and reverse mode; raises as `render` does, for an image of
-    another size, and for a G-buffer without foreground.
+    another size, and for a G-buffer without foreground. `plain` and `tolerance` are those of `render`.
 
     >>> import diffshade as ds
     >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
@@ -87,7 +94,7 @@ def mean_squared_error(
             f"the image has shape {image.shape}: give [{shape[0]}, {shape[1]}, C], or the"
             f" foreground's planes [C, {pixels}]"
         )
-    return _mean_squared_error(surface, scene, one, image, plain)
+    return _mean_squared_error(surface, scene, one, image, plain, _tolerance(tolerance))
 
 
 def _checked(
@@ -99,6 +106,13 @@ def _checked(
     if surface.angles is not None:
         _check_kept(surface, scene, one)
     return surface, scene, one
+
+
+def _tolerance(value: float | Float[Array, ""] | None) -> Float[Array, ""] | None:
+    tolerance = optional(positive("tolerance"))(value)
+    if tolerance is not None and tolerance.ndim:
+        raise BadInput(f"tolerance has shape {tolerance.shape}: give one number")
+    return tolerance
 
 
 def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> Material:
@@ -152,9 +166,13 @@ def _listed(kinds: tuple[str, ...]) -> str:
 
 @partial(jax.jit, static_argnums=3)
 def _render(
-    surface: KeptGeometry, scene: Scene, material: Material, plain: bool
+    surface: KeptGeometry,
+    scene: Scene,
+    material: Material,
+    plain: bool,
+    tolerance: Float[Array, ""] | None,
 ) -> Float[Array, "H W C"]:
-    return surface.gbuffer.to_image(image_planes(surface, scene, material, plain))
+    return surface.gbuffer.to_image(image_planes(surface, scene, material, plain, tolerance))
 
 
 @partial(jax.jit, static_argnums=4)
@@ -164,12 +182,16 @@ def _mean_squared_error(
     material: Material,
     observed: Float[Array, "C P"],
     plain: bool,
+    tolerance: Float[Array, ""] | None,
 ) -> Float[Array, ""]:
-    return squared_error(surface, scene, material, observed, plain) / surface.pixel_count
+    error = squared_error(surface, scene, material, observed, plain, tolerance)
+    return error / surface.pixel_count
 
 
 @cache
-def _planes_jit() -> Callable[[KeptGeometry, Scene, Material, bool], Channels]:
+def _planes_jit() -> Callable[
+    [KeptGeometry, Scene, Material, bool, Float[Array, ""] | None], Channels
+]:
     return jax.jit(image_planes, static_argnums=3, compiler_options=compiler_options())
 
 
