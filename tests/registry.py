@@ -9,6 +9,7 @@ ATTENUATIONS = {
     "linear": ds.LinearAttenuation(0.9, 0.3),
     "inverse square": ds.InverseSquare(),
     "exponential": ds.ExponentialAttenuation(0.21),
+    "windowed": ds.Windowed(ds.InverseSquare(), reach=2.9),
 }
 
 LIGHTS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -165,6 +166,17 @@ def _camera(table: Table) -> AbstractCamera:
 
 
 def _attenuation(table: Table) -> AbstractAttenuation:
+    """The law; with a `reach`, that within a window."""
+    from diffshade.light.attenuation import Windowed
+
+    if "reach" not in table.values:
+        return _law(table)
+    reach = table.number("reach", above=0.0)
+    law = {key: value for key, value in table.values.items() if key != "reach"}
+    return Windowed(_law(dataclasses.replace(table, values=law)), reach)
+
+
+def _law(table: Table) -> AbstractAttenuation:
     from diffshade.light import attenuation as f
 
     unknown = set(table.values) == {"kind"}  # to be fitted; until then there is none

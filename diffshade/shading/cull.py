@@ -69,12 +69,12 @@ def needed(most: Float[Array, "L"], tolerance: Number) -> tuple[Int[Array, "L"],
     count = most.size
     steps = np.arange(2 * np.ceil(np.log2(count)) + 1)
     thresholds = tolerance * jnp.asarray(2.0 ** (-steps / 2), most.dtype)
-    left = jnp.where(most <= thresholds[:, None], most, 0).sum(1)
+    left = jnp.where(most[None] <= thresholds[:, None], most[None], 0).sum(1)
     is_needed = most > jnp.where(left <= tolerance, thresholds, 0).max()
-    before = jnp.cumsum(is_needed) - is_needed
-    own = jnp.arange(count)
-    place = jnp.where(is_needed, before, is_needed.sum() + own - before)
-    return jnp.zeros_like(own).at[place].set(own, unique_indices=True), is_needed.sum()
+    up_to = jnp.cumsum(is_needed, dtype=np.int32)
+    own = jnp.arange(count, dtype=np.int32)
+    place = jnp.where(is_needed, up_to - 1, up_to[-1] + own - up_to)
+    return jnp.zeros_like(own).at[place].set(own, unique_indices=True), up_to[-1]
 
 
 def tile_by_tile(gbuffer: GBuffer) -> Int[Array, "P"]:

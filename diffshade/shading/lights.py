@@ -157,7 +157,7 @@ def _sum_of_needed(
         return lax.cond(number < turns, add_chunk, lambda total, _: total, total, number), None
 
     if is_keeping():
-        return lax.scan(add_if_needed, start, jnp.arange(chunks.count))[0]
+        return lax.scan(add_if_needed, start, jnp.arange(chunks.count, dtype=turns.dtype))[0]
     return lax.fori_loop(0, turns, lambda number, total: add_chunk(total, number), start)
 
 

@@ -26,7 +26,7 @@ def render(
     material: Material | Sequence[Material],
     *,
     plain: bool = False,
-    tolerance: float | Float[Array, ""] | None = None,
+    tolerance: ArrayLike | None = None,
 ) -> Float[Array, "H W C"]:
     """The image I = I_a k_a + sum_j I_j f(d_j) [k_d n.l_j + k_s (r_j.v)^n] (LIGHT-13).
 
@@ -65,7 +65,7 @@ def mean_squared_error(
     image: ArrayLike,
     *,
     plain: bool = False,
-    tolerance: float | Float[Array, ""] | None = None,
+    tolerance: ArrayLike | None = None,
 ) -> Float[Array, ""]:
     """The mean of (I - image)^2 over foreground pixels and channels, I as `render` has it.
 
@@ -108,7 +108,7 @@ def _checked(
     return surface, scene, one
 
 
-def _tolerance(value: float | Float[Array, ""] | None) -> Float[Array, ""] | None:
+def _tolerance(value: ArrayLike | None) -> Float[Array, ""] | None:
     tolerance = optional(positive("tolerance"))(value)
     if tolerance is not None and tolerance.ndim:
         raise BadInput(f"tolerance has shape {tolerance.shape}: give one number")

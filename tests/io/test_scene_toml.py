@@ -17,6 +17,7 @@ from diffshade.light.attenuation import (
     InverseSquare,
     LinearAttenuation,
     QuadraticAttenuation,
+    Windowed,
 )
 from diffshade.reflectance.blinn_phong import BlinnPhong
 from diffshade.reflectance.phong import Phong
@@ -125,6 +126,7 @@ def test_the_kinds(tmp_path: Path) -> None:
         '{ kind = "linear", c0 = 1, c1 = 0.5 }': LinearAttenuation,
         '{ kind = "inverse_square" }': InverseSquare,
         '{ kind = "exponential", a = 0.5 }': ExponentialAttenuation,
+        '{ kind = "inverse_square", reach = 9 }': Windowed,
     }.items():
         assert type(read(tmp_path, (quadratic, text)).scene.lights[0].attenuation) is kind
     camera = 'kind = "perspective", width = 24, height = 20, fov = 0.5, position = [1, 1, 5]'

@@ -40,6 +40,16 @@ def test_the_other_laws(tolerance: float) -> None:
     np.testing.assert_allclose(absorbed, np.exp(-0.21 * DISTANCES[:6]), **exact)
 
 
+def test_a_window_ends_smoothly_at_the_reach(tolerance: float) -> None:
+    """(1 - (d/R)^4)^2, and exactly nothing from R on (Karis 2013)."""
+    f = ds.Windowed(ds.LinearAttenuation(1, 0), reach=2.0)
+    np.testing.assert_allclose(value(f, 1.0), (15 / 16) ** 2, rtol=tolerance)
+    np.testing.assert_array_equal(value(f, [2.0, 2.1, 1e30]), 0)
+    slope = jax.vmap(jax.grad(f))(jnp.array([0.0, 1.999999, 2.0, 1e30]))
+    np.testing.assert_allclose(slope, 0, atol=2e-5)
+    assert value(ds.Windowed(ds.InverseSquare(), reach=0.0), 1.0) == 0
+
+
 def test_absorption_multiplies_along_the_way(tolerance: float) -> None:
     """Lambert's third law: what two layers let through is the product of what each does."""
     f = ds.ExponentialAttenuation(0.4)
