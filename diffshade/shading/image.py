@@ -2,12 +2,13 @@
 
 Both are the composition of `basis` and `contract` over the foreground, evaluated page by page. A value
 takes the passes of `in_one_pass`; a derivative goes through `written_out`, with the nodes of the
-computation stored. `plain` is the composition alone, as XLA fuses it by itself.
+computation stored. `plain` is the composition alone, as XLA fuses it by itself. Over several devices each has its
+own pixels, page by page, and the sums of a squared error are added up.
 """
 
+from functools import partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -18,7 +19,8 @@ from diffshade.pages import map_pages, sum_pages
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from diffshade.shading.basis import Basis, Few, basis, contract, in_one_pass, written_out
-from diffshade.shading.kept_geometry import KeptGeometry
+from diffshade.shading.kept_geometry import KeptGeometry, planes_of
+from diffshade.shading.sharded import Sharded, on_each
 
 __all__ = ["image_planes", "squared_error"]
 
@@ -26,8 +28,13 @@ FEW = 2**14
 """Images of fewer pixels take a millisecond, however compiled: not worth the longer compilation."""
 
 
-def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain: bool) -> Channels:
+def image_planes(
+    surface: KeptGeometry | Sharded, scene: Scene, material: Material, plain: bool
+) -> Channels:
     """The image's foreground, one plane [P] a channel."""
+    if isinstance(surface, Sharded):
+        shared = (surface.surface, scene, material)
+        return on_each(partial(image_planes, plain=plain), surface.mesh, shared, _planes(*shared))
     if not _by_pages(surface, plain):
         return _shaded(surface, scene, material, written_out)
 
@@ -45,15 +52,37 @@ def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain:
 
 
 def squared_error(
-    surface: KeptGeometry,
+    surface: KeptGeometry | Sharded,
     scene: Scene,
     material: Material,
     observed: Float[Array, "C P"],
     plain: bool,
 ) -> Float[Array, ""]:
     """The sum over pixels of the mean over channels of (image - observed)^2."""
+    if not isinstance(surface, Sharded):
+        return _squared_error(surface, scene, material, observed, None, plain=plain)
+
+    def part(*arguments: Any) -> Float[Array, "1"]:
+        return _squared_error(*arguments, plain=plain)[None]
+
+    counted = surface.counted()
+    arguments = (surface.surface, scene, material, observed, counted)
+    planes = (*_planes(*arguments[:3]), True, None if counted is None else True)
+    return on_each(part, surface.mesh, arguments, planes).sum()
+
+
+def _squared_error(
+    surface: KeptGeometry,
+    scene: Scene,
+    material: Material,
+    observed: Float[Array, "C P"],
+    counted: Bool[Array, "P"] | None,
+    *,
+    plain: bool,
+) -> Float[Array, ""]:
+    """That of the pixels that are `counted`; None: of all."""
     if not _by_pages(surface, plain):
-        everywhere = jnp.ones(surface.pixel_count, bool)
+        everywhere = jnp.ones(surface.pixel_count, bool) if counted is None else counted
         image = image_planes(surface, scene, material, plain)
         return _squares(image, observed, everywhere)
 
@@ -64,24 +93,20 @@ def squared_error(
         scene: Scene,
         material: Material,
         observed: Float[Array, "C P"],
+        counted: Bool[Array, "P"] | None,
     ) -> Float[Array, ""]:
+        own = own if counted is None else own & counted
         return _squares(_stored(surface, scene, material), observed, own)
 
-    arguments = (surface, scene, material, observed)
-    planes = (*_planes(surface, scene, material), True)
+    arguments = (surface, scene, material, observed, counted)
+    planes = (*_planes(surface, scene, material), True, None if counted is None else True)
     return sum_pages(of_page, arguments, planes, surface.pixel_count, page_size())
 
 
 def _planes(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Any, Any, Any]:
-    """Which arrays are planes over the pixels: of the surface, all but the eye's; of a material, maps."""
-    of_gbuffer = jax.tree.map(lambda _: True, surface)
-    of_gbuffer = eqx.tree_at(
-        lambda s: s.gbuffer.viewer,
-        of_gbuffer,
-        jax.tree.map(lambda _: False, surface.gbuffer.viewer),
-    )
+    """Which arrays are planes over the pixels: of a material, maps."""
     of_scene = jax.tree.map(lambda _: False, scene)
-    return of_gbuffer, of_scene, jax.tree.map(lambda x: x.ndim == 2, material)
+    return planes_of(surface), of_scene, jax.tree.map(lambda x: x.ndim == 2, material)
 
 
 def _by_pages(surface: KeptGeometry, plain: bool) -> bool:
