@@ -2,8 +2,8 @@
 
 Both are the composition of `basis` and `contract` over the foreground, evaluated page by page. A value
 takes the passes of `in_one_pass`; a derivative goes through `written_out`, with the nodes of the
-computation stored. `plain` is the composition alone, as XLA fuses it by itself. Over several devices each has its
-own pixels, page by page, and the sums of a squared error are added up.
+computation stored. `plain` is the composition alone, as XLA fuses it by itself. Over several devices
+each has its own pixels, page by page, and the sums of a squared error are added up.
 """
 
 from functools import partial
