@@ -39,8 +39,9 @@ def render(
     options for the platform. Not smooth where n.l = 0, r.v = 0 and where an attenuation is clamped.
     `plain` leaves the program to XLA: the same image to rounding, slower on a CPU. Of `ds.shard`ed
     surfaces each device shades its own pixels. For many scenes or materials `jax.lax.map` takes one
-    at a time, at the pace of a loop; `jax.vmap` is up to twice as fast for the squared error of many
-    materials, and up to twice as slow for gradients, for a page then has planes for all of them.
+    at a time; `jax.vmap` is twice as fast for the squared error of many materials, and twice as slow
+    for gradients under many scenes, for a page then has planes for all of them. Images of fewer
+    than 16,384 foreground pixels are best rendered in a loop.
 
     Raises `BadInput` for numbers of channels that do not match, a point light or an eye with a
     G-buffer that has no positions, and a sequence of materials with a G-buffer that has no slots.
