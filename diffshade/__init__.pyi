@@ -29,3 +29,5 @@ from .shading.kept_geometry import KeptGeometry as KeptGeometry
 from .shading.kept_geometry import keep_geometry as keep_geometry
 from .shading.render import mean_squared_error as mean_squared_error
 from .shading.render import render as render
+from .shading.sharded import Sharded as Sharded
+from .shading.sharded import shard as shard

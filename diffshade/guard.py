@@ -8,11 +8,11 @@ reverse, because 0 times infinity is NaN; adding an epsilon would change every r
 The predicates say where a function is singular, so that NaN, which is nowhere, stays NaN.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Bool, Float
 
@@ -101,7 +101,7 @@ def power_of_log(log_x: Plane, n: Plane) -> Plane:
     """The other half: x**n from `log_base(x)`."""
     dark = log_x == -jnp.inf
     exponent = n * jnp.where(dark, 0, log_x)
-    vanishes = dark | (exponent <= np.log(_smallest(log_x)))
+    vanishes = dark | (exponent <= math.log(_smallest(log_x)))
     return _guarded(jnp.exp, exponent, vanishes)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffshade.arrays import ArrayLike
+from diffshade.devices import Devices, mesh_over
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
@@ -16,7 +17,7 @@ from fitting.attempt import Attempt, attempted, searched
 from fitting.basins import Solver
 from fitting.certificate import certify as prove
 from fitting.clamp import CLEAR, may_show, with_clamp
-from fitting.devices import Devices, check_same_input, mesh_over
+from fitting.devices import check_same_input
 from fitting.found import Fit
 from fitting.gauge import CONSTANTS, PolynomialGauge, gauge_of, lengths, with_attenuation
 from fitting.inputs import Photograph, match
@@ -49,7 +50,7 @@ def fit(
     certify: bool = False,
     profiles: bool = False,
     solver: Solver | None = None,
-    devices: Devices = None,
+    devices: Devices | None = None,
 ) -> Fit:
     """Recover a material's coefficients from one or many images of known surfaces and lights.
 
@@ -99,7 +100,7 @@ def fit(
     20.0
     """
     weighting = _weighting(robust, noise, clipped)
-    mesh = mesh_over(devices)
+    mesh = None if devices is None else mesh_over(devices)
     photographs = match(images, gbuffer, scenes, valid, clipped)
     if attenuation is InverseSquare:
         law = InverseSquare()

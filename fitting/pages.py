@@ -19,11 +19,11 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Float, PyTree
 
+from diffshade.devices import AXIS, dealt, place
 from diffshade.fusion import search_options
 from diffshade.kept import Kept
 from fitting.arrays import Array
 from fitting.columns import Photo, Scenery, photos, scenery
-from fitting.devices import AXIS, place
 from fitting.model import Model
 from fitting.observation import Group, Stack
 from fitting.project import gram
@@ -149,11 +149,9 @@ def _specs(group: Group) -> Group:
         parts = (group.observed, group.weight, group.clipped, *shaded)
         return [part for part in parts if part is not None]
 
-    def dealt(tree: PyTree) -> PyTree:
-        return jax.tree.map(lambda x: PartitionSpec(*(None,) * (np.ndim(x) - 1), AXIS), tree)
-
-    whole = jax.tree.map(lambda _: PartitionSpec(), group)
-    return eqx.tree_at(of_points, whole, [dealt(part) for part in of_points(group)])
+    whole = jax.tree.map(lambda _: False, group)
+    points = [jax.tree.map(lambda _: True, part) for part in of_points(group)]
+    return dealt(group, eqx.tree_at(of_points, whole, points))
 
 
 def in_double(tree: PyTree) -> PyTree:

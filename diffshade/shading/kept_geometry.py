@@ -3,14 +3,15 @@
 from collections.abc import Sequence
 
 import equinox as eqx
-from jaxtyping import Array, Shaped
+import jax
+from jaxtyping import Array, PyTree, Shaped
 
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from diffshade.shading.one_light import Angles, angles
 
-__all__ = ["KeptGeometry", "keep_geometry", "kinds"]
+__all__ = ["KeptGeometry", "keep_geometry", "kinds", "planes_of"]
 
 
 class KeptGeometry(eqx.Module):
@@ -32,9 +33,21 @@ class KeptGeometry(eqx.Module):
         """How many foreground pixels there are."""
         return self.gbuffer.pixel_count
 
+    @property
+    def foreground(self) -> int:
+        """The same: see `Sharded`."""
+        return self.pixel_count
+
     def from_image(self, image: Shaped[Array, "H W C"]) -> Shaped[Array, "C P"]:
         """The foreground of an image [H, W, C], one plane a channel."""
         return self.gbuffer.from_image(image)
+
+
+def planes_of(surface: KeptGeometry) -> PyTree:
+    """Which of a surface's arrays are planes over the pixels: all but the eye's."""
+    everything = jax.tree.map(lambda _: True, surface)
+    viewer = jax.tree.map(lambda _: False, surface.gbuffer.viewer)
+    return eqx.tree_at(lambda s: s.gbuffer.viewer, everything, viewer)
 
 
 def kinds(scene: Scene, material: Material) -> tuple[str, ...]:
