@@ -148,7 +148,7 @@ def _cast(target: _Target, camera: AbstractCamera, dtype: np.dtype) -> Visibilit
             met = target.scene.run(ray[:, :3], ray[:, 3:])
             hit = np.flatnonzero(met >= 0)
             pixel, met = pixel.take(hit), met.take(hit)
-            where = pad((pixel, met), bucket(hit.size))
+            where = pad((pixel, met))
             pixels.append(pixel)
             faces.append(target.solid.take(met))
             points.append(_barycentric(view, *where, target.corners, dtype))

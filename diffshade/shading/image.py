@@ -5,22 +5,23 @@ takes the passes of `in_one_pass`; a derivative goes through `written_out`, with
 computation stored. `plain` is the composition alone, as XLA fuses it by itself.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from diffshade.channels import Channels, per_channel
 from diffshade.fusion import is_led, keeping, kept, page_size
 from diffshade.pages import map_pages, sum_pages
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from diffshade.shading.basis import Basis, Few, basis, contract, in_one_pass, written_out
+from diffshade.shading.basis import Basis, Few, contracted, in_one_pass, terms, written_out
 from diffshade.shading.kept_geometry import KeptGeometry
 
-__all__ = ["image_planes", "squared_error"]
+__all__ = ["image_planes", "image_rows", "squared_error"]
 
 FEW = 2**14
 """Images of fewer pixels take a millisecond, however compiled: not worth the longer compilation."""
@@ -28,20 +29,48 @@ FEW = 2**14
 
 def image_planes(surface: KeptGeometry, scene: Scene, material: Material, plain: bool) -> Channels:
     """The image's foreground, one plane [P] a channel."""
+    return _everywhere(tuple, surface, scene, material, plain)
+
+
+def image_rows(
+    surface: KeptGeometry,
+    scene: Scene,
+    material: Material,
+    plain: bool,
+    wanted: Int[Array, ""],
+) -> Float[Array, "P C"]:
+    """The image's foreground, one row a pixel; past the first `wanted` pixels, anything."""
+
+    def rows(planes: Channels) -> tuple[Array]:
+        return (jnp.stack(planes, axis=-1),)
+
+    return _everywhere(rows, surface, scene, material, plain, wanted)[0]
+
+
+def _everywhere(
+    arranged: Callable[[Channels], tuple[Array, ...]],
+    surface: KeptGeometry,
+    scene: Scene,
+    material: Material,
+    plain: bool,
+    wanted: Int[Array, ""] | None = None,
+) -> tuple[Array, ...]:
+    """The image's planes, arranged page by page, while they are in the cache."""
+
+    def value(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Array, ...]:
+        return arranged(_shaded(surface, scene, material, in_one_pass))
+
+    def plainly(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Array, ...]:
+        return arranged(_shaded(surface, scene, material, written_out))
+
+    def stored(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Array, ...]:
+        return arranged(_stored(surface, scene, material))
+
     if not _by_pages(surface, plain):
-        return _shaded(surface, scene, material, written_out)
-
-    def value(surface: KeptGeometry, scene: Scene, material: Material) -> Channels:
-        return _shaded(surface, scene, material, in_one_pass)
-
-    def plainly(surface: KeptGeometry, scene: Scene, material: Material) -> Channels:
-        return _shaded(surface, scene, material, written_out)
-
-    arguments = (surface, scene, material)
-    planes = _planes(*arguments)
-    return map_pages(
-        value, arguments, planes, surface.pixel_count, page_size(), keeping(_stored), plainly
-    )
+        return plainly(surface, scene, material)
+    arguments, count = (surface, scene, material), surface.pixel_count
+    planes, page = _planes(*arguments), _page(count, wanted)
+    return map_pages(value, arguments, planes, count, page, keeping(stored), plainly, wanted)
 
 
 def squared_error(
@@ -50,12 +79,16 @@ def squared_error(
     material: Material,
     observed: Float[Array, "C P"],
     plain: bool,
+    wanted: Int[Array, ""] | None = None,
 ) -> Float[Array, ""]:
-    """The sum over pixels of the mean over channels of (image - observed)^2."""
+    """The sum over the first `wanted` pixels of the mean over channels of (image - observed)^2.
+
+    Over all of them, where it is None.
+    """
     if not _by_pages(surface, plain):
-        everywhere = jnp.ones(surface.pixel_count, bool)
-        image = image_planes(surface, scene, material, plain)
-        return _squares(image, observed, everywhere)
+        pixel = jnp.arange(surface.pixel_count)
+        own = jnp.ones_like(pixel, bool) if wanted is None else pixel < wanted
+        return _squares(image_planes(surface, scene, material, plain), observed, own)
 
     @keeping
     def of_page(
@@ -69,7 +102,8 @@ def squared_error(
 
     arguments = (surface, scene, material, observed)
     planes = (*_planes(surface, scene, material), True)
-    return sum_pages(of_page, arguments, planes, surface.pixel_count, page_size())
+    count = surface.pixel_count
+    return sum_pages(of_page, arguments, planes, count, _page(count, wanted), wanted)
 
 
 def _planes(surface: KeptGeometry, scene: Scene, material: Material) -> tuple[Any, Any, Any]:
@@ -90,23 +124,28 @@ def _by_pages(surface: KeptGeometry, plain: bool) -> bool:
     return paged and is_led() and not plain
 
 
+def _page(count: int, wanted: Int[Array, ""] | None) -> int:
+    """How many pixels are shaded at once: fewer of a padded image, whose last page is in part in vain."""
+    return page_size() if wanted is None else min(page_size(), max(FEW, count // 16))
+
+
 def _shaded(surface: KeptGeometry, scene: Scene, material: Material, few: Few) -> Channels:
     gbuffer = surface.gbuffer
     dark = gbuffer.normal.x if gbuffer.spread is None else gbuffer.spread(gbuffer.normal.x)
-    return _image(basis(gbuffer, scene, material, surface.angles, few), material, dark)
+    return _image(terms(gbuffer, scene, material, surface.angles, few), material, dark)
 
 
 def _stored(surface: KeptGeometry, scene: Scene, material: Material) -> Channels:
     """The same from a stored basis: what reads the image does not compute it again."""
     gbuffer = surface.gbuffer
-    terms = basis(gbuffer, scene, material, surface.angles, written_out)
-    return kept(_image, terms, material, gbuffer.normal.x)
+    basis = terms(gbuffer, scene, material, surface.angles, written_out)
+    return kept(_image, basis, material, gbuffer.normal.x)
 
 
-def _image(terms: Basis, material: Material, like: Float[Array, "P"]) -> Channels:
+def _image(basis: Basis, material: Material, like: Float[Array, "P"]) -> Channels:
     """The basis contracted; what is the same for all pixels becomes a plane."""
     dark = jnp.zeros_like(like)
-    return tuple(plane + dark for plane in contract(terms, material)) or (dark,)
+    return tuple(plane + dark for plane in contracted(basis, material)) or (dark,)
 
 
 def _squares(

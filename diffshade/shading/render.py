@@ -1,23 +1,28 @@
 """From a G-buffer, a scene and a material to an image."""
 
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import partial
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from diffshade.arrays import ArrayLike, is_concrete, is_outermost
-from diffshade.channels import Channels
+from diffshade.arrays import ArrayLike
+from diffshade.buckets import are_at_hand, pad
 from diffshade.errors import BadInput
-from diffshade.fusion import compiler_options
+from diffshade.fusion import Led
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.reflectance.material import Material, by_slot
+from diffshade.reflectance.material import Material, by_slot, check_slots, with_padded_maps
 from diffshade.scene import Scene
-from diffshade.shading.image import image_planes, squared_error
+from diffshade.shading.basis import check_maps
+from diffshade.shading.image import image_planes, image_rows, squared_error
 from diffshade.shading.kept_geometry import KeptGeometry, kinds
 
 __all__ = ["mean_squared_error", "render"]
+
+Materials: TypeAlias = tuple[Material, ...]
+"""One, or one a slot."""
 
 
 def render(
@@ -46,10 +51,11 @@ def render(
     >>> ds.render(g, ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)).shape
     (8, 8, 1)
     """
-    arguments = _checked(gbuffer, scene, material)
-    if is_outermost() and is_concrete(arguments):
-        return _to_image(arguments[0].gbuffer, _planes_jit()(*arguments, plain))
-    return _render(*arguments, plain)
+    surface, scene, materials = _checked(gbuffer, scene, material)
+    if not are_at_hand((surface, scene, materials)):
+        return _render(surface, scene, materials, plain)
+    more = surface.in_bucket(), scene, with_padded_maps(materials)
+    return surface.gbuffer.placed(_rows.outermost(*more, surface.pixel_count, plain))
 
 
 def mean_squared_error(
@@ -74,7 +80,7 @@ def mean_squared_error(
     >>> float(mean_squared_error(g, scene, material, ds.render(g, scene, material)))
     0.0
     """
-    surface, scene, one = _checked(gbuffer, scene, material)
+    surface, scene, materials = _checked(gbuffer, scene, material)
     if not isinstance(image, jax.Array):
         image = jnp.asarray(image, float)
     if not surface.pixel_count:
@@ -87,48 +93,33 @@ def mean_squared_error(
             f"the image has shape {image.shape}: give [{shape[0]}, {shape[1]}, C], or the"
             f" foreground's planes [C, {pixels}]"
         )
-    return _mean_squared_error(surface, scene, one, image, plain)
+    arguments = surface, scene, materials, image
+    if not are_at_hand(arguments):
+        return _mean_squared_error(*arguments, None, plain)
+    more = surface.in_bucket(), scene, with_padded_maps(materials), pad(image)
+    return _mean_squared_error.outermost(*more, pixels, plain)
 
 
 def _checked(
     gbuffer: GBuffer | KeptGeometry, scene: Scene, material: Material | Sequence[Material]
-) -> tuple[KeptGeometry, Scene, Material]:
+) -> tuple[KeptGeometry, Scene, Materials]:
     surface = gbuffer if isinstance(gbuffer, KeptGeometry) else KeptGeometry(gbuffer, None)
-    one = _one_material(surface.gbuffer, material)
-    _check_maps(surface.gbuffer, one)
-    if surface.angles is not None:
-        _check_kept(surface, scene, one)
-    return surface, scene, one
-
-
-def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> Material:
-    if isinstance(material, Material):
-        return material
-    if not material:
+    slot = surface.gbuffer.slot
+    several = [material] if isinstance(material, Material) else list(material)
+    if not several:
         raise BadInput("no materials are given: give one, or one a slot")
-    if len(material) == 1:
-        return material[0]
-    if gbuffer.slot is None:
-        raise BadInput(
-            f"{len(material)} materials for a surface that has one: give one material, or a mesh"
-            " whose faces have slots"
-        )
-    return by_slot(material, gbuffer.slot)
-
-
-def _check_maps(gbuffer: GBuffer, material: Material) -> None:
-    maps = [leaf.shape for leaf in jax.tree.leaves(material) if leaf.ndim == 2]
-    if maps and gbuffer.spread is not None:
-        raise BadInput(
-            "a material has maps over pixels, and this G-buffer is shaded once a face or a vertex:"
-            " use PhongShading()"
-        )
-    for shape in maps:
-        if shape[1] != gbuffer.pixel_count:
+    if len(several) > 1:
+        if slot is None:
             raise BadInput(
-                f"a coefficient has shape {shape}: a map is [C or 1, P], P = {gbuffer.pixel_count}"
-                " foreground pixels (GBuffer.from_image makes one of an image)"
+                f"{len(several)} materials for a surface that has one: give one material, or a mesh"
+                " whose faces have slots"
             )
+        check_slots(several, slot)
+    else:
+        check_maps(surface.gbuffer, several[0])
+    if surface.angles is not None:
+        _check_kept(surface, scene, several[0])
+    return surface, scene, tuple(several)
 
 
 def _check_kept(kept: KeptGeometry, scene: Scene, material: Material) -> None:
@@ -150,27 +141,40 @@ def _listed(kinds: tuple[str, ...]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) or "no lights"
 
 
-@partial(jax.jit, static_argnums=3)
+def _one_material(gbuffer: GBuffer, materials: Materials) -> Material:
+    if len(materials) == 1:
+        return materials[0]
+    assert gbuffer.slot is not None
+    one = by_slot(materials, gbuffer.slot)
+    check_maps(gbuffer, one)
+    return one
+
+
+@partial(Led, static=(3,))
 def _render(
-    surface: KeptGeometry, scene: Scene, material: Material, plain: bool
+    surface: KeptGeometry, scene: Scene, materials: Materials, plain: bool
 ) -> Float[Array, "H W C"]:
+    material = _one_material(surface.gbuffer, materials)
     return surface.gbuffer.to_image(image_planes(surface, scene, material, plain))
 
 
-@partial(jax.jit, static_argnums=4)
+@partial(Led, static=(4,))
+def _rows(
+    surface: KeptGeometry, scene: Scene, materials: Materials, count: Int[Array, ""], plain: bool
+) -> Float[Array, "P C"]:
+    material = _one_material(surface.gbuffer, materials)
+    return image_rows(surface, scene, material, plain, count)
+
+
+@partial(Led, static=(5,))
 def _mean_squared_error(
     surface: KeptGeometry,
     scene: Scene,
-    material: Material,
+    materials: Materials,
     observed: Float[Array, "C P"],
+    count: Int[Array, ""] | None,
     plain: bool,
 ) -> Float[Array, ""]:
-    return squared_error(surface, scene, material, observed, plain) / surface.pixel_count
-
-
-@cache
-def _planes_jit() -> Callable[[KeptGeometry, Scene, Material, bool], Channels]:
-    return jax.jit(image_planes, static_argnums=3, compiler_options=compiler_options())
-
-
-_to_image = jax.jit(GBuffer.to_image)
+    material = _one_material(surface.gbuffer, materials)
+    total = squared_error(surface, scene, material, observed, plain, count)
+    return total / (surface.pixel_count if count is None else count)
