@@ -51,7 +51,7 @@ def floats(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
         # default one.
         dtype = host.dtype if isinstance(value, np.ndarray) else float
         with jax.ensure_compile_time_eval():  # a value inside jit too, not a tracer
-            return jnp.asarray(host.astype(jax.dtypes.canonicalize_dtype(dtype)))
+            return jax.device_put(host.astype(jax.dtypes.canonicalize_dtype(dtype)))
 
     return convert
 

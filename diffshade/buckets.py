@@ -3,8 +3,9 @@
 XLA compiles a program for one length, and takes longer to than the program runs: images whose count of
 foreground pixels differs by one would each wait for a compiler. Where a function is called outermost its
 arrays are therefore padded to the next of a few lengths, and results cut back: on the host, in NumPy,
-for an operation of JAX would be one more program for every length. A CPU reads and hands out arrays where
-they lie, so that nothing is copied but what is padded; elsewhere arrays would travel, and do not.
+for an operation of JAX would be one more program for every length. So is `jnp.asarray` of an array of
+NumPy's since JAX 0.12; `jax.device_put` is not. A CPU reads and hands out arrays where they lie, so that
+nothing is copied but what is padded; elsewhere arrays would travel, and do not.
 """
 
 import math

@@ -67,7 +67,7 @@ class GBuffer(eqx.Module):
             normal=pad(self.normal),
             position=pad(self.position),
             index=None,
-            slot=None if self.slot is None else jnp.asarray(pad(self.slot)),
+            slot=None if self.slot is None else jax.device_put(pad(self.slot)),
             spread=pad(self.spread),
         )
 
@@ -94,7 +94,7 @@ class GBuffer(eqx.Module):
             image.fill(0)
             _pixels(image)[_inside(self.index, len(image))] = _pixels(own)
             own = image
-        return jnp.asarray(own.reshape(*self.shape, channels))
+        return jax.device_put(own.reshape(*self.shape, channels))
 
     def from_image(self, image: Shaped[Array, "H W C"]) -> Shaped[Array, "C P"]:
         """The foreground of an image [H, W, C], one plane a channel.
@@ -110,7 +110,7 @@ class GBuffer(eqx.Module):
             if self.index is not None:
                 foreground = _pixels(rows)[_inside(self.index, len(rows))]
                 rows = foreground.view(rows.dtype).reshape(-1, rows.shape[1])
-            return jnp.asarray(rows.T.copy())
+            return jax.device_put(rows.T.copy())
         planes = image.reshape(-1, image.shape[-1]).T
         return planes if self.index is None else planes[:, self.index]
 
@@ -155,7 +155,7 @@ class GBuffer(eqx.Module):
                 return Vec3.from_array(flat if index is None else flat[index])
             rows = np.asarray(image).reshape(-1, 3)
             rows = rows if index is None else rows[np.asarray(index)]
-            return Vec3(*(jnp.asarray(column.copy()) for column in rows.T))
+            return Vec3(*jax.device_put([column.copy() for column in rows.T]))
 
         n = planes(normals)
         return GBuffer(
@@ -307,7 +307,7 @@ def _image_of_vectors(name: str, value: ArrayLike, shape: tuple[int, int] | None
         array = value
     else:
         with jax.ensure_compile_time_eval():  # inside jit too it decides the foreground
-            array = jnp.asarray(np.asarray(value), float)
+            array = jax.device_put(np.asarray(value, jax.dtypes.canonicalize_dtype(float)))
     if not jnp.issubdtype(array.dtype, jnp.floating):
         array = array.astype(float)
     if array.ndim != 3 or array.shape[2] != 3:
@@ -345,7 +345,7 @@ def _foreground(
             _refuse(~np.isfinite(image).all(-1) & inside, f"{name} is not finite")
     if is_concrete(normal):
         _refuse((np.asarray(normal) == 0).all(-1) & inside, "normal is zero")
-    return None if inside.all() else jnp.asarray(np.flatnonzero(inside).astype(np.int32))
+    return None if inside.all() else jax.device_put(np.flatnonzero(inside).astype(np.int32))
 
 
 def _refuse(bad: Bool[np.ndarray, "H W"], what: str) -> None:

@@ -5,7 +5,7 @@ from functools import partial
 from typing import TypeAlias
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from diffshade.arrays import ArrayLike
@@ -81,22 +81,24 @@ def mean_squared_error(
     0.0
     """
     surface, scene, materials = _checked(gbuffer, scene, material)
-    if not isinstance(image, jax.Array):
-        image = jnp.asarray(image, float)
+    if isinstance(image, jax.Array):
+        observed: jax.Array = image
+    else:
+        observed = jax.device_put(np.asarray(image, jax.dtypes.canonicalize_dtype(float)))
     if not surface.pixel_count:
         raise BadInput("the G-buffer has no foreground pixel: there is nothing to compare")
     shape, pixels = surface.gbuffer.shape, surface.pixel_count
-    if image.ndim == 3 and image.shape[:2] == shape:
-        image = surface.from_image(image)
-    elif image.ndim != 2 or image.shape[1] != pixels:
+    if observed.ndim == 3 and observed.shape[:2] == shape:
+        observed = surface.from_image(observed)
+    elif observed.ndim != 2 or observed.shape[1] != pixels:
         raise BadInput(
-            f"the image has shape {image.shape}: give [{shape[0]}, {shape[1]}, C], or the"
+            f"the image has shape {observed.shape}: give [{shape[0]}, {shape[1]}, C], or the"
             f" foreground's planes [C, {pixels}]"
         )
-    arguments = surface, scene, materials, image
+    arguments = surface, scene, materials, observed
     if not are_at_hand(arguments):
         return _mean_squared_error(*arguments, None, plain)
-    more = surface.in_bucket(), scene, with_padded_maps(materials), pad(image)
+    more = surface.in_bucket(), scene, with_padded_maps(materials), pad(observed)
     return _mean_squared_error.outermost(*more, pixels, plain)
 
 
