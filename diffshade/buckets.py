@@ -1,20 +1,31 @@
 """The few lengths of arrays that programs are compiled for.
 
 XLA compiles a program for one length, and takes longer to than the program runs: images whose count of
-foreground pixels differs by one would each wait for a compiler. Arrays are therefore padded to the next
-of a few lengths, and results cut back on the host, where a view needs no program.
+foreground pixels differs by one would each wait for a compiler. Where a function is called outermost its
+arrays are therefore padded to the next of a few lengths, and results cut back: on the host, in NumPy,
+for an operation of JAX would be one more program for every length. So is `jnp.asarray` of an array of
+NumPy's since JAX 0.12; `jax.device_put` is not. A CPU reads and hands out arrays where they lie, so that
+nothing is copied but what is padded; elsewhere arrays would travel, and do not.
 """
 
+import math
+import weakref
+from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-__all__ = ["bucket", "cut", "pad"]
+from diffshade.arrays import is_outermost
+from diffshade.fusion import is_led
+
+__all__ = ["are_at_hand", "bucket", "cut", "pad", "room_for"]
 
 SMALLEST = 64
 """Images with fewer pixels share one program."""
+
+BOUNDARY = 64
+"""Bytes: XLA reads an array of NumPy's where it lies if it begins at a multiple of these."""
 
 
 def bucket(count: int) -> int:
@@ -32,20 +43,68 @@ def bucket(count: int) -> int:
     return -(-count // step) * step
 
 
-def pad(tree: Any, length: int) -> Any:
-    """Arrays with their last value repeated up to a length: what is computed of it has no surprises."""
+def pad(tree: Any) -> Any:
+    """Arrays with what is last along their last axis repeated up to the bucket of its length.
 
-    def longer(array: Any) -> np.ndarray:
+    What is computed of it has no surprises. Numbers, and arrays that fill their bucket, stay as they are.
+    """
+
+    def longer(array: Any) -> Any:
+        if not array.ndim:
+            return array
+        count = array.shape[-1]
+        length = bucket(count)
+        if length == count:
+            return array
+        if id(array) in _whole and _whole[id(array)][0].size == length:
+            return _whole[id(array)][0]
         values = np.asarray(array)
-        padded = np.zeros(length, values.dtype)
-        padded[: values.size] = values
-        if values.size:
-            padded[values.size :] = values[-1]
+        padded = room_for((*values.shape[:-1], length), values.dtype)
+        padded[..., :count] = values
+        padded[..., count:] = values[..., -1:] if count else 0
         return padded
 
     return jax.tree.map(longer, tree)
 
 
 def cut(tree: Any, count: int) -> Any:
-    """The first `count` values of arrays along their last axis, without a program for that count."""
-    return jax.tree.map(lambda array: jnp.asarray(np.asarray(array)[..., :count]), tree)
+    """What is first along the last axis of arrays, without a program for that count; numbers as they are.
+
+    On a CPU a part of a plane is a view, which costs nothing; `pad` finds the whole of it again.
+    """
+    wholes, structure = jax.tree.flatten(tree)
+    parts = jax.device_put([np.asarray(x)[..., :count] if x.ndim else x for x in wholes])
+    if is_led():
+        for part, whole in zip(parts, wholes, strict=True):
+            if whole.ndim == 1:
+                _whole[id(part)] = whole, weakref.ref(part, partial(_forget, id(part)))
+    return jax.tree.unflatten(structure, parts)
+
+
+_whole: dict[int, tuple[Any, Any]] = {}
+"""What a plane was cut from, by its identity and for as long as it lives."""
+
+
+def _forget(part: int, _: Any) -> None:
+    _whole.pop(part, None)
+
+
+def room_for(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """`np.empty`, at a place from which XLA need not copy it."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    room = np.empty(size + BOUNDARY, np.uint8)
+    first = -room.ctypes.data % BOUNDARY
+    return room[first : first + size].view(dtype).reshape(shape)
+
+
+def are_at_hand(tree: Any) -> bool:
+    """Whether a tree holds values that the host can pad: on a CPU, outside of any program.
+
+    What somebody has placed on devices of their choice stays there.
+    """
+    if not is_led() or not is_outermost():
+        return False
+    return not any(
+        isinstance(x, jax.core.Tracer) or (isinstance(x, jax.Array) and x.committed)
+        for x in jax.tree.leaves(tree)
+    )

@@ -16,8 +16,8 @@ between it and the arrays that it reads. Within a loop nothing costs memory. But
   else nodes and `kept` are plain functions.
 - Of a small loop over pages XLA makes one function with a slower compiler; `compiler_options` forbids
   that, and lets XLA use 512-bit vectors where a CPU has them. A `jit` that carries options cannot be
-  nested in another, so `render` sets them only when it is called outermost; whoever composes it passes
-  them to the outermost `jit` of their own program:
+  nested in another, so a `Led` function has them only when it is called outermost; whoever composes it
+  passes them to the outermost `jit` of their own program:
 
       jax.jit(step, compiler_options=ds.compiler_options())
 
@@ -34,7 +34,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import partial, update_wrapper
+from functools import cached_property, partial, update_wrapper
 from typing import Any, TypeVar
 
 import jax
@@ -43,9 +43,11 @@ import jaxlib
 from jax import lax
 from jaxtyping import Array
 
+from diffshade.arrays import is_concrete, is_outermost
 from diffshade.perturbed import Perturbed
 
 __all__ = [
+    "Led",
     "Node",
     "compiler_options",
     "is_keeping",
@@ -86,6 +88,28 @@ def search_options() -> Options:
     version = tuple(int(part) for part in jaxlib.__version__.split(".")[:2])
     older = is_led() and version < (0, 12)
     return compiler_options() | ({"xla_cpu_use_fusion_emitters": False} if older else {})
+
+
+class Led:
+    """`jax.jit(function)`, with the platform's options where it is called outermost, on values.
+
+    `outermost` is that program, for those who know.
+    """
+
+    def __init__(self, function: Callable[..., Any], static: tuple[int, ...] = ()) -> None:
+        update_wrapper(self, function)
+        self.function, self.static = function, static
+        self.nested = jax.jit(function, static_argnums=static)
+
+    @cached_property
+    def outermost(self) -> Callable[..., Any]:
+        return jax.jit(
+            self.function, static_argnums=self.static, compiler_options=compiler_options()
+        )
+
+    def __call__(self, *arguments: Any) -> Any:
+        outermost = is_outermost() and is_concrete(arguments)
+        return (self.outermost if outermost else self.nested)(*arguments)
 
 
 def page_size(lights: int = 1) -> int:

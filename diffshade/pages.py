@@ -16,7 +16,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from diffshade.perturbed import Perturbed
 
@@ -40,24 +40,28 @@ def map_pages(
     page: int,
     for_derivative: Callable[..., Planes],
     plain: Callable[..., Planes] | None,
+    wanted: Int[Array, ""] | None = None,
 ) -> Planes:
-    """f(*arguments), which gives planes [P] over `count` pixels, each from its own pixel alone.
+    """f(*arguments), which gives planes [P] or rows [P, C] of `count` pixels, each from its own alone.
+
+    Of pixels past the first `wanted`, where that is given, the value may be anything.
 
     `for_derivative` is the same function, written to be differentiated page by page, and `plain` the
     one that JAX differentiates as it stands: where numbers alone are perturbed, and the image is not
     large, keeping what they need of all pixels is faster than to compute it again (None: never).
     """
-    pages = _Pages(count, page, planes)
+    pages = _Pages(count, page, planes, wanted)
 
     @jax.custom_jvp
     def evaluate(*arguments: Any) -> Planes:
         def write(number: Array, out: Planes) -> Planes:
             new = f(*pages.cut(arguments, number))
-            return tuple(pages.write(o, x, number) for o, x in zip(out, new, strict=True))
+            pairs = zip(out, new, strict=True)
+            return tuple(pages.write(o, x, number, axis=0) for o, x in pairs)
 
         shapes = jax.eval_shape(lambda: f(*pages.cut(arguments, 0)))
-        start = tuple(jnp.zeros(count, s.dtype) for s in shapes)
-        return lax.fori_loop(0, pages.number, write, start)
+        start = tuple(jnp.zeros((count, *s.shape[1:]), s.dtype) for s in shapes)
+        return lax.fori_loop(0, pages.needed, write, start)
 
     def rule(primals: Arguments, tangents: Arguments) -> tuple[Planes, Planes]:
         moved = Perturbed(primals, tangents)
@@ -100,12 +104,15 @@ def sum_pages(
     planes: Arguments,
     count: int,
     page: int,
+    wanted: Int[Array, ""] | None = None,
 ) -> Float[Array, ""]:
     """The sum over `count` pixels of f(own, *arguments), which sums over those where `own` holds.
 
+    The sum is over the first `wanted` pixels, where that is given.
+
     Its derivative is computed beside the value, in one way through the pages.
     """
-    pages = _Pages(count, page, planes)
+    pages = _Pages(count, page, planes, wanted)
 
     def of_page(number: Array, *arguments: Any) -> Float[Array, ""]:
         return f(pages.own(number), *pages.cut(arguments, number))
@@ -118,7 +125,7 @@ def sum_pages(
         def add(number: Array, total: Float[Array, ""]) -> Float[Array, ""]:
             return total + of_page(number, *arguments)
 
-        return lax.fori_loop(0, pages.number, add, zero(*arguments))
+        return lax.fori_loop(0, pages.needed, add, zero(*arguments))
 
     def rule(primals: Arguments, tangents: Arguments) -> tuple[Array, Array]:
         moved = Perturbed(primals, tangents)
@@ -151,19 +158,25 @@ def sum_pages(
 class _Pages:
     """Planes of P pixels as pages of one size; the last one overlaps the one before it."""
 
-    def __init__(self, count: int, page: int, planes: Arguments) -> None:
+    def __init__(
+        self, count: int, page: int, planes: Arguments, wanted: Int[Array, ""] | None
+    ) -> None:
         self.is_plane: list[bool] = jax.tree.leaves(planes)
         self.count = count
         self.number = -(-count // page)
         size = -(-count // self.number // LANES) * LANES
         self.size = min(size, count)
+        self.wanted = wanted
+        self.needed = self.number if wanted is None else -(-wanted // self.size)
 
     def start(self, number: Array | int) -> Array:
         return jnp.minimum(jnp.asarray(number) * self.size, self.count - self.size)
 
     def own(self, number: Array | int) -> Bool[Array, "size"]:
-        """Which pixels of a page are not those of the page before it."""
-        return jnp.arange(self.size) + self.start(number) >= jnp.asarray(number) * self.size
+        """Which pixels of a page are not those of the page before it, and wanted."""
+        pixel = jnp.arange(self.size) + self.start(number)
+        own = pixel >= jnp.asarray(number) * self.size
+        return own if self.wanted is None else own & (pixel < self.wanted)
 
     def cutter(self, number: Array | int) -> Callable[[int, Array], Array]:
         """To a page's part of the argument of a number, where that is a plane."""
@@ -182,8 +195,8 @@ class _Pages:
         parts = [self.cutter(number)(i, x) for i, x in enumerate(leaves)]
         return jax.tree.unflatten(structure, parts)
 
-    def write(self, plane: Array, page: Array, number: Array) -> Array:
-        return lax.dynamic_update_slice_in_dim(plane, page, self.start(number), axis=-1)
+    def write(self, whole: Array, page: Array, number: Array, axis: int = -1) -> Array:
+        return lax.dynamic_update_slice_in_dim(whole, page, self.start(number), axis)
 
     def added(self, i: int, total: Array, part: Array, number: Array) -> Array:
         """A page's share written into its place of a plane, or added to what is no plane."""
@@ -200,6 +213,7 @@ class _Pages:
         return jnp.concatenate([jnp.moveaxis(whole, -2, 0), last[None]])
 
     def join(self, pages: Array) -> Array:
-        """[N, size] to [P]."""
+        """[N, size, ...] to [P, ...]."""
         overlap = self.number * self.size - self.count
-        return jnp.concatenate([pages[:-1].reshape(-1), pages[-1, overlap:]])
+        whole = pages[:-1].reshape(-1, *pages.shape[2:])
+        return jnp.concatenate([whole, pages[-1, overlap:]])

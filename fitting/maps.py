@@ -61,7 +61,7 @@ class Maps:
     def to_image(self, planes: str | Shaped[np.ndarray, "C P"]) -> Shaped[np.ndarray, "H W C"]:
         """A coefficient by name, or any planes of these maps, as an image; background is 0."""
         chosen = self.coefficients[planes] if isinstance(planes, str) else planes
-        return np.asarray(self.gbuffer.to_image(tuple(jnp.asarray(plane) for plane in chosen)))
+        return np.asarray(self.gbuffer.to_image(tuple(jax.device_put(list(chosen)))))
 
 
 def fit_maps(

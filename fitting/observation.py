@@ -4,7 +4,7 @@ Images that share a G-buffer and whose scenes have one structure lie in one stac
 a hundred photographs compiles once. What a device gets of a stack is a `Group`: some of its points in
 all of its images. A page is a group of consecutive points, as many as a device is to hold at one time, so
 that memory beyond the photographs does not grow with their number; a sample is a group of few points
-from everywhere. The sizes of both grow in steps, so that captures of many sizes share a few compiled
+from everywhere. Both have the lengths of buckets, so that captures of many sizes share a few compiled
 programs.
 """
 
@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, PyTree
 
 from diffshade.arrays import is_concrete
+from diffshade.buckets import bucket
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import InverseSquare
 from diffshade.light.base import AbstractLight
@@ -99,7 +100,7 @@ class Stack:
         """How many points a page has that splits evenly over so many devices."""
         widest = max(self.light_count, self.photographs[0].channel_count, 1)
         most = max(PAGE // widest, FEWEST) * devices
-        return -(-stepped(min(self.size, most)) // devices) * devices
+        return -(-bucket(min(self.size, most)) // devices) * devices
 
     def pages(self, devices: int) -> Iterator[Group]:
         """All points, page by page."""
@@ -116,13 +117,13 @@ class Stack:
         count = len(self.photographs)
         most = max(min(SAMPLE, SAMPLES // (2 * count)), FEWEST)
         if self.size <= 2 * most:
-            length = stepped(self.size)
+            length = bucket(self.size)
             return self.group(slice(0, self.size), length, fair=length)
         even = np.arange(most) * self.size // most
         several = np.linspace(0, count - 1, min(count, most)).astype(int).tolist() if bright else []
         brightest = [self._brightest(k, max(most // count, 1)) for k in several]
         chosen = np.concatenate([even, *brightest])
-        return self.group(chosen, stepped(len(chosen)), fair=most)
+        return self.group(chosen, bucket(len(chosen)), fair=most)
 
     def _brightest(self, k: int, count: int) -> Int[np.ndarray, "n"]:
         """The brightest point of image k in each of `count` runs of points."""
@@ -293,9 +294,3 @@ def _points(surface: GBuffer, points: slice) -> GBuffer:
         return replace(surface, shape=(1, length), spread=pick(surface.spread))
     normal: Vec3 = pick(surface.normal)
     return replace(surface, shape=(1, length), normal=normal, position=pick(surface.position))
-
-
-def stepped(size: int) -> int:
-    """The least of 1, 2, 3, ... 16, 18, 20, ... 32, 36, 40, ... that is no less: eight an octave."""
-    step = 1 << max(0, (size - 1).bit_length() - 4)
-    return -(-size // step) * step

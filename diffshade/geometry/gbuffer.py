@@ -2,18 +2,21 @@
 
 import dataclasses
 from contextlib import nullcontext
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Array, Bool, Int, Shaped
 
 from diffshade.arrays import ArrayLike, is_concrete, is_outermost, vector
-from diffshade.buckets import bucket, cut, pad
+from diffshade.buckets import are_at_hand, bucket, cut, pad, room_for
 from diffshade.errors import BadInput
+from diffshade.fusion import Led
 from diffshade.geometry.camera import AbstractCamera, Frame
 from diffshade.geometry.frequency import AbstractFrequency, PhongShading, Samples, Spread
+from diffshade.geometry.remembered import remembered
 from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.geometry.viewer import AbstractViewer, DistantViewer, Eye
 from diffshade.vector import Vec3, unit
@@ -48,12 +51,31 @@ class GBuffer(eqx.Module):
     @property
     def mask(self) -> Bool[np.ndarray, "H W"]:
         """Which pixels are foreground: a plain array, of a G-buffer that is not traced."""
-        inside = np.zeros(self.shape, bool)
-        inside.flat[slice(None) if self.index is None else np.asarray(self.index)] = True
-        return inside
+        if self.index is None:
+            return np.ones(self.shape, bool)
+        return _inside(self.index, self.shape[0] * self.shape[1]).reshape(self.shape).copy()
+
+    def in_bucket(self) -> "GBuffer":
+        """Its points alone, padded: those of many images have one structure, and one program.
+
+        Raises `BadInput` where planes differ in length, which nobody could tell any more.
+        """
+        _check_lengths(self)
+        return dataclasses.replace(
+            self,
+            shape=(1, bucket(self.pixel_count)),
+            normal=pad(self.normal),
+            position=pad(self.position),
+            index=None,
+            slot=None if self.slot is None else jax.device_put(pad(self.slot)),
+            spread=pad(self.spread),
+        )
 
     def to_image(self, planes: Planes) -> Shaped[Array, "H W C"]:
         """An image [H, W, C] from one plane a channel over the foreground; background is 0."""
+        if are_at_hand((self.index, planes)):
+            dtype = jnp.result_type(*planes)
+            return self.placed(np.stack([np.asarray(x, dtype) for x in planes], axis=-1))
         rows = jnp.stack(planes, axis=-1)
         if self.index is not None:
             count = self.shape[0] * self.shape[1]
@@ -64,8 +86,31 @@ class GBuffer(eqx.Module):
             )
         return rows.reshape(*self.shape, len(planes))
 
-    def from_image(self, image: Float[Array, "H W C"]) -> Float[Array, "C P"]:
-        """The foreground of an image [H, W, C], one plane a channel."""
+    def placed(self, rows: Shaped[Array | np.ndarray, "L C"]) -> Shaped[Array, "H W C"]:
+        """An image from one row a foreground pixel, and any after them, without a program for it."""
+        channels, own = rows.shape[1], np.asarray(rows)[: self.pixel_count]
+        if self.index is not None:
+            image = room_for((self.shape[0] * self.shape[1], channels), own.dtype)
+            image.fill(0)
+            _pixels(image)[_inside(self.index, len(image))] = _pixels(own)
+            own = image
+        return jax.device_put(own.reshape(*self.shape, channels))
+
+    def from_image(self, image: Shaped[Array, "H W C"]) -> Shaped[Array, "C P"]:
+        """The foreground of an image [H, W, C], one plane a channel.
+
+        Raises `BadInput` for an image of another size.
+        """
+        if image.shape[:2] != self.shape:
+            raise BadInput(
+                f"the image has shape {image.shape}: give [{self.shape[0]}, {self.shape[1]}, C]"
+            )
+        if are_at_hand((self.index, image)):
+            rows = np.ascontiguousarray(image).reshape(-1, image.shape[-1])
+            if self.index is not None:
+                foreground = _pixels(rows)[_inside(self.index, len(rows))]
+                rows = foreground.view(rows.dtype).reshape(-1, rows.shape[1])
+            return jax.device_put(rows.T.copy())
         planes = image.reshape(-1, image.shape[-1]).T
         return planes if self.index is None else planes[:, self.index]
 
@@ -102,17 +147,53 @@ class GBuffer(eqx.Module):
             raise BadInput("an eye needs positions: give them, or a constant view direction")
         index = _foreground(normals, positions, mask, shape)
 
-        def planes(image: Array) -> Vec3:
-            flat = image.reshape(-1, 3)
-            return Vec3.from_array(flat if index is None else flat[index])
+        alone = are_at_hand((normals, positions))
 
+        def planes(image: Array) -> Vec3:
+            if not alone:
+                flat = image.reshape(-1, 3)
+                return Vec3.from_array(flat if index is None else flat[index])
+            rows = np.asarray(image).reshape(-1, 3)
+            rows = rows if index is None else rows[np.asarray(index)]
+            return Vec3(*jax.device_put([column.copy() for column in rows.T]))
+
+        n = planes(normals)
         return GBuffer(
             shape=shape,
-            normal=unit(planes(normals)),
+            normal=cut(_unit.outermost(pad(n)), n.x.size) if alone else _unit(n),
             viewer=DistantViewer(vector("view")(view)) if eye is None else Eye(vector("eye")(eye)),
             position=None if positions is None else planes(positions),
             index=index,
         )
+
+
+def _check_lengths(gbuffer: GBuffer) -> None:
+    def lengths(*planes: Any) -> set[int]:
+        return {x.shape[-1] for x in jax.tree.leaves(planes) if x.ndim}
+
+    shaded = lengths(gbuffer.normal, gbuffer.position, gbuffer.slot)
+    pixels = lengths(gbuffer.spread) if gbuffer.spread is not None else shaded
+    if len(shaded) > 1 or not pixels <= {gbuffer.pixel_count}:
+        raise BadInput(
+            f"the G-buffer has planes of {sorted(shaded | pixels)} points for"
+            f" {gbuffer.pixel_count} pixels: give planes of one length"
+        )
+
+
+_unit = Led(unit)
+
+
+@remembered
+def _inside(index: Int[Array, "P"], count: int) -> Bool[np.ndarray, "N"]:
+    """Which of the pixels of an image are foreground."""
+    inside = np.zeros(count, bool)
+    inside[np.asarray(index)] = True
+    return inside
+
+
+def _pixels(rows: Shaped[np.ndarray, "P C"]) -> Shaped[np.ndarray, "P"]:
+    """A pixel's channels as one number, which NumPy moves by a mask ten times as fast."""
+    return rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1])))[:, 0]
 
 
 def visibility(geometry: AbstractSurface, camera: AbstractCamera) -> Visibility:
@@ -190,7 +271,7 @@ def _in_bucket(
 ) -> tuple[Samples, AbstractViewer]:
     """`_samples`, by a program that serves all images with about as many foreground pixels."""
     count = seen.index.shape[0]
-    more = dataclasses.replace(pad(seen, bucket(count)), shape=(1, 1))
+    more = dataclasses.replace(pad(seen), shape=(1, 1))
     samples, viewer = _sized(geometry.prepared(), camera.unframed(), camera.frame, more, shading)
     if samples.spread is None:
         return cut(samples, count), viewer
@@ -226,7 +307,7 @@ def _image_of_vectors(name: str, value: ArrayLike, shape: tuple[int, int] | None
         array = value
     else:
         with jax.ensure_compile_time_eval():  # inside jit too it decides the foreground
-            array = jnp.asarray(np.asarray(value), float)
+            array = jax.device_put(np.asarray(value, jax.dtypes.canonicalize_dtype(float)))
     if not jnp.issubdtype(array.dtype, jnp.floating):
         array = array.astype(float)
     if array.ndim != 3 or array.shape[2] != 3:
@@ -264,7 +345,7 @@ def _foreground(
             _refuse(~np.isfinite(image).all(-1) & inside, f"{name} is not finite")
     if is_concrete(normal):
         _refuse((np.asarray(normal) == 0).all(-1) & inside, "normal is zero")
-    return None if inside.all() else jnp.asarray(np.flatnonzero(inside).astype(np.int32))
+    return None if inside.all() else jax.device_put(np.flatnonzero(inside).astype(np.int32))
 
 
 def _refuse(bad: Bool[np.ndarray, "H W"], what: str) -> None:

@@ -148,7 +148,7 @@ def _cast(target: _Target, camera: AbstractCamera, dtype: np.dtype) -> Visibilit
             met = target.scene.run(ray[:, :3], ray[:, 3:])
             hit = np.flatnonzero(met >= 0)
             pixel, met = pixel.take(hit), met.take(hit)
-            where = pad((pixel, met), bucket(hit.size))
+            where = pad((pixel, met))
             pixels.append(pixel)
             faces.append(target.solid.take(met))
             points.append(_barycentric(view, *where, target.corners, dtype))
@@ -161,9 +161,9 @@ def _cast(target: _Target, camera: AbstractCamera, dtype: np.dtype) -> Visibilit
     kept = slice(None) if crosses.all() else crosses
     return Visibility(
         (camera.height, camera.width),
-        index=jnp.asarray(joined(*pixels)[kept]),
-        face=jnp.asarray(joined(*faces)[kept]),
-        barycentric=jax.tree.map(lambda plane: jnp.asarray(plane[kept]), barycentric),
+        index=jax.device_put(joined(*pixels)[kept]),
+        face=jax.device_put(joined(*faces)[kept]),
+        barycentric=jax.tree.map(lambda plane: jax.device_put(plane[kept]), barycentric),
     )
 
 

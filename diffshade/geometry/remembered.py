@@ -9,6 +9,7 @@ from functools import wraps
 from typing import Any, TypeVar
 
 import jax
+import numpy as np
 
 __all__ = ["remembered"]
 
@@ -18,12 +19,15 @@ T = TypeVar("T")
 def remembered(compute: Callable[..., T]) -> Callable[..., T]:
     """`compute`, of JAX arrays and hashable values, called once while all those arrays live.
 
-    The result must not hold the arrays themselves, or neither it nor they would ever be freed.
+    Arrays of NumPy's may change, and nothing that came from one is remembered. The result must not hold
+    the arrays themselves, or neither it nor they would ever be freed.
     """
     known: dict[tuple[Hashable, ...], tuple[T, list[Any]]] = {}
 
     @wraps(compute)
     def result(*arguments: Any) -> T:
+        if any(isinstance(x, np.ndarray) for x in arguments):
+            return compute(*arguments)
         key = tuple(id(x) if isinstance(x, jax.Array) else x for x in arguments)
         if key not in known:
 

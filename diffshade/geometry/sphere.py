@@ -40,7 +40,7 @@ class Sphere(AbstractSurface):
         seen = np.asarray(_sees(self, camera.unframed(), camera.frame, bucket(count)))[:count]
         # Converted on the host: JAX would compile that for every number of pixels.
         index = np.flatnonzero(seen).astype(np.int32)
-        return Visibility((camera.height, camera.width), jnp.asarray(index))
+        return Visibility((camera.height, camera.width), jax.device_put(index))
 
     def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
         origin, direction = rays

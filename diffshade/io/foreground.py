@@ -29,7 +29,6 @@ def masked_gbuffer(
 ) -> GBuffer:
     """The G-buffer of a surface where a camera sees it inside the mask; `BadInput` if nowhere."""
     import jax
-    import jax.numpy as jnp
 
     from diffshade.geometry.gbuffer import gbuffer, visibility
 
@@ -42,7 +41,7 @@ def masked_gbuffer(
         raise BadInput(f"the camera sees nothing of the surface{where}; check geometry and camera")
     if mask is not None:
         # On the host: a program would be one for that number of pixels.
-        seen = jax.tree.map(lambda values: jnp.asarray(np.asarray(values)[keep]), seen)
+        seen = jax.tree.map(lambda values: jax.device_put(np.asarray(values)[keep]), seen)
     return gbuffer(geometry, camera, seen, shading=shading)
 
 

@@ -1,7 +1,7 @@
 """A material: which terms of the illumination equation it has, and their coefficients."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from diffshade.arrays import coefficients, is_concrete, optional
+from diffshade.buckets import pad
 from diffshade.errors import BadInput
 from diffshade.reflectance.lobe import AbstractLobe
 
-__all__ = ["Material", "by_slot"]
+__all__ = ["Material", "by_slot", "check_slots", "with_padded_maps"]
 
 Coefficient = Float[Array, "..."] | None
+Materials = TypeVar("Materials")
 
 
 def _lobes(specular: Any) -> tuple[AbstractLobe, ...]:
@@ -54,17 +56,15 @@ def by_slot(materials: Sequence[Material], slot: Int[Array, "P"]) -> Material:
     >>> by_slot([Material(kd=0.2), Material(kd=0.8)], jnp.array([0, 1, 1])).kd.shape
     (1, 3)
     """
-    if is_concrete(slot) and slot.size:
-        largest = int(np.max(np.asarray(slot)))
-        if largest >= len(materials):
-            raise BadInput(
-                f"slot {largest} of {len(materials)} materials: slots count from 0; give a material each"
-            )
     forms = {jax.tree.structure(material) for material in materials}
     if len(forms) > 1:
         raise BadInput(
             "the materials of one object have different terms or lobes: give each the same ones"
             " (a coefficient may be 0)"
+        )
+    if any(leaf.ndim > 1 for leaf in jax.tree.leaves(list(materials))):
+        raise BadInput(
+            "a material of a slot has maps: give its coefficients one number, or one a channel"
         )
 
     def gather(*coefficients: Float[Array, "..."]) -> Float[Array, "C P"]:
@@ -72,3 +72,18 @@ def by_slot(materials: Sequence[Material], slot: Int[Array, "P"]) -> Material:
         return jnp.stack(rows, axis=-1)[:, slot]
 
     return jax.tree.map(gather, *materials)
+
+
+def check_slots(materials: Sequence[Material], slot: Int[Array, "P"]) -> None:
+    """Raise `BadInput` where a pixel has a material that there is not."""
+    if is_concrete(slot) and slot.size:
+        largest = int(np.max(np.asarray(slot)))
+        if largest >= len(materials):
+            raise BadInput(
+                f"slot {largest} of {len(materials)} materials: slots count from 0; give a material each"
+            )
+
+
+def with_padded_maps(material: Materials) -> Materials:
+    """A material, or one a slot, with its maps padded to their bucket."""
+    return jax.tree.map(lambda x: pad(x) if x.ndim == 2 else x, material)

@@ -15,11 +15,13 @@ import jax
 from jax import lax
 from jaxtyping import Array, Float
 
+from diffshade.buckets import are_at_hand, cut, pad
 from diffshade.channels import Channels, channels, plus, times
-from diffshade.fusion import kept, packed
+from diffshade.errors import BadInput
+from diffshade.fusion import Led, kept, packed
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
-from diffshade.reflectance.material import Material
+from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.cull import at_most, tile_of
 from diffshade.shading.lights import Dimmest, LightSums, Many, add, gathered, sum_over_lights
@@ -31,11 +33,13 @@ __all__ = [
     "Few",
     "Lit",
     "basis",
-    "basis_of",
+    "check_maps",
     "contract",
+    "contracted",
     "in_one_pass",
     "lights_of",
     "of_light_sums",
+    "terms",
     "written_out",
 ]
 
@@ -61,26 +65,33 @@ Few: TypeAlias = Callable[[GBuffer, Sequence[Lit], Material, Vec3 | None], Light
 """How the terms of a few lights are summed."""
 
 
-def basis(
-    gbuffer: GBuffer, scene: Scene, material: Material, seen: tuple[Angles, ...] | None = None
-) -> Basis:
+def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
     """The basis of an image for `material`'s terms, lobes and colours; ka, kd and ks are not read.
 
     What is absent is not computed: no ambient without I_a and k_a, no n.l or l without lights, no
-    view without a lobe, no distance without attenuation. `seen` are the angles under each light
-    where they are known.
+    view without a lobe, no distance without attenuation.
+
+    >>> import diffshade as ds
+    >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene = ds.Scene(lights=ds.ParallelLight((0, 0, 1)))
+    >>> [plane.shape for plane in basis(g, scene, ds.Material(kd=0.5)).diffuse]
+    [(32,)]
     """
-    return basis_of(gbuffer, scene.ambient, lights_of(scene, seen), material, written_out)
+    check_maps(gbuffer, material)
+    if not are_at_hand((gbuffer, scene, material)):
+        return _terms(gbuffer, scene, material)
+    found = _terms.outermost(gbuffer.in_bucket(), scene, with_padded_maps(material))
+    return cut(found, gbuffer.pixel_count)
 
 
-def lights_of(scene: Scene, seen: tuple[Angles, ...] | None) -> tuple[Lit | Many, ...]:
+def lights_of(scene: Scene, seen: tuple[Angles, ...] | None = None) -> tuple[Lit | Many, ...]:
     """A scene's lights, gathered where there are many of a kind, with the angles that are known."""
     if seen is not None:
         return tuple(zip(scene.lights, seen, strict=True))
     return gathered([(light, None) for light in scene.lights])
 
 
-def basis_of(
+def terms(
     gbuffer: GBuffer,
     ambient: Float[Array, "..."] | None,
     lights: Sequence[Lit | Many],
@@ -88,7 +99,7 @@ def basis_of(
     few: Few,
     tolerance: Float[Array, ""] | None = None,
 ) -> Basis:
-    """The basis under lights that are gathered already.
+    """`basis`, as a part of a program.
 
     `few` is how the terms of a few lights are summed. With a `tolerance` lights that add up to less on
     all of the pixels are left out (`cull`).
@@ -167,7 +178,29 @@ def contract(basis: Basis, material: Material) -> Channels:
 
     Empty where nothing is lit; a term that is the same for all pixels is a number. The basis is of
     a material with the same terms and lobes.
+
+    >>> import diffshade as ds
+    >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(8, 8, 2.4))
+    >>> scene, material = ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)
+    >>> [plane.shape for plane in contract(basis(g, scene, material), material)]
+    [(32,)]
     """
+    if not are_at_hand((basis, material)):
+        return _contracted(basis, material)
+    maps = [x for x in jax.tree.leaves(material) if x.ndim == 2]
+    counts = {x.shape[-1] for x in (*jax.tree.leaves(basis), *maps) if x.ndim}
+    if len(counts) > 1:
+        raise BadInput(
+            f"basis and material have planes of {sorted(counts)} pixels: give a basis and maps of one"
+            " G-buffer"
+        )
+    return cut(
+        _contracted.outermost(pad(basis), with_padded_maps(material)), max(counts, default=0)
+    )
+
+
+def contracted(basis: Basis, material: Material) -> Channels:
+    """`contract`, as a part of a program."""
     coefficients = (material.ka, material.kd, *(lobe.ks for lobe in material.specular))
     # Without lights there is no specular basis.
     shapes = (basis.ambient, basis.diffuse, *(basis.specular or (None,) * len(material.specular)))
@@ -179,6 +212,22 @@ def contract(basis: Basis, material: Material) -> Channels:
     return image
 
 
+def check_maps(gbuffer: GBuffer, material: Material) -> None:
+    """Raise `BadInput` where a material's maps are not over the pixels of a G-buffer."""
+    maps = [leaf.shape for leaf in jax.tree.leaves(material) if leaf.ndim == 2]
+    if maps and gbuffer.spread is not None:
+        raise BadInput(
+            "a material has maps over pixels, and this G-buffer is shaded once a face or a vertex:"
+            " use PhongShading()"
+        )
+    for shape in maps:
+        if shape[1] != gbuffer.pixel_count:
+            raise BadInput(
+                f"a coefficient has shape {shape}: a map is [C or 1, P], P = {gbuffer.pixel_count}"
+                " foreground pixels (GBuffer.from_image makes one of an image)"
+            )
+
+
 T = TypeVar("T", Channels, Channels | None)
 
 
@@ -187,6 +236,14 @@ def _coloured(shape: T, colour: Float[Array, "..."] | None) -> T:
     if shape is None or colour is None:
         return shape
     return times(channels(colour), shape)
+
+
+@Led
+def _terms(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
+    return terms(gbuffer, scene.ambient, lights_of(scene), material, written_out)
+
+
+_contracted = Led(contracted)
 
 
 def _view(gbuffer: GBuffer) -> Vec3:

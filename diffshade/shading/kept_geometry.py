@@ -6,8 +6,10 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, PyTree, Shaped
 
+from diffshade.buckets import are_at_hand, cut, pad
+from diffshade.fusion import Led
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.reflectance.material import Material
+from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.one_light import Angles, angles
 
@@ -27,6 +29,10 @@ class KeptGeometry(eqx.Module):
     gbuffer: GBuffer
     angles: tuple[Angles, ...] | None
     kinds: tuple[str, ...] = eqx.field(static=True, default=())
+
+    def in_bucket(self) -> "KeptGeometry":
+        """The same, padded."""
+        return KeptGeometry(self.gbuffer.in_bucket(), pad(self.angles), self.kinds)
 
     @property
     def pixel_count(self) -> int:
@@ -55,7 +61,6 @@ def kinds(scene: Scene, material: Material) -> tuple[str, ...]:
     return tuple(type(x).__name__ for x in (*scene.lights, *material.specular))
 
 
-@eqx.filter_jit
 def keep_geometry(
     gbuffer: GBuffer, scene: Scene, material: Material | Sequence[Material]
 ) -> KeptGeometry:
@@ -75,5 +80,14 @@ def keep_geometry(
     """
     if not isinstance(material, Material):
         material = material[0]  # those of one object have the same lobes
-    seen = tuple(angles(gbuffer, light, material.specular) for light in scene.lights)
+    if are_at_hand((gbuffer, scene, material)):
+        more = gbuffer.in_bucket(), scene, with_padded_maps(material)
+        seen = cut(_angles.outermost(*more), gbuffer.normal.x.shape[-1])
+    else:
+        seen = _angles(gbuffer, scene, material)
     return KeptGeometry(gbuffer, seen, kinds(scene, material))
+
+
+@Led
+def _angles(gbuffer: GBuffer, scene: Scene, material: Material) -> tuple[Angles, ...]:
+    return tuple(angles(gbuffer, light, material.specular) for light in scene.lights)

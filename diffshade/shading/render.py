@@ -1,27 +1,33 @@
 """From a G-buffer, a scene and a material to an image."""
 
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import partial
+from typing import TypeAlias
 
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, Int
 
-from diffshade.arrays import ArrayLike, is_concrete, is_outermost, optional, positive
-from diffshade.channels import Channels
+from diffshade.arrays import ArrayLike, optional, positive
+from diffshade.buckets import are_at_hand, pad
 from diffshade.errors import BadInput
-from diffshade.fusion import compiler_options
+from diffshade.fusion import Led
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.reflectance.material import Material, by_slot
+from diffshade.reflectance.material import Material, by_slot, check_slots, with_padded_maps
 from diffshade.scene import Scene
-from diffshade.shading.image import image_planes, squared_error
+from diffshade.shading.basis import check_maps
+from diffshade.shading.image import error_of_lights, image_planes, image_rows, squared_error
 from diffshade.shading.kept_geometry import KeptGeometry, kinds
+from diffshade.shading.sharded import Sharded
 
 __all__ = ["mean_squared_error", "render"]
 
+Materials: TypeAlias = tuple[Material, ...]
+"""One, or one a slot."""
+
 
 def render(
-    gbuffer: GBuffer | KeptGeometry,
+    gbuffer: GBuffer | KeptGeometry | Sharded,
     scene: Scene,
     material: Material | Sequence[Material],
     *,
@@ -37,11 +43,15 @@ def render(
     It nests in `jit`, `grad`, `vmap` and `scan`, and every derivative is exact, for every input, in
     forward and reverse mode. Called outermost with concrete arrays it compiles with the best
     options for the platform. Not smooth where n.l = 0, r.v = 0 and where an attenuation is clamped.
-    `plain` leaves the program to XLA: the same image to rounding, slower on a CPU.
+    `plain` leaves the program to XLA: the same image to rounding, slower on a CPU. Of `ds.shard`ed
+    surfaces each device shades its own pixels. For many scenes or materials `jax.lax.map` takes one
+    at a time; `jax.vmap` is twice as fast for the squared error of many materials, and twice as slow
+    for gradients under many scenes, for a page then has planes for all of them.
 
     Of many lights a CPU leaves out, tile by tile, what adds up to at most `tolerance` in any channel of
     any pixel, in the unit of the image; 0 leaves out what is exactly dark, as is done without asking
     for many lights of finite reach (`Windowed`). Derivatives are those of the lights that are left.
+    Kept geometry, several devices and points that are no pixels have all lights computed.
 
     Raises `BadInput` for numbers of channels that do not match, a point light or an eye with a
     G-buffer that has no positions, and a sequence of materials with a G-buffer that has no slots.
@@ -51,15 +61,17 @@ def render(
     >>> ds.render(g, ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)).shape
     (8, 8, 1)
     """
-    arguments = _checked(gbuffer, scene, material)
-    error = _tolerance(tolerance)
-    if is_outermost() and is_concrete(arguments):
-        return _to_image(arguments[0].gbuffer, _planes_jit()(*arguments, plain, error))
-    return _render(*arguments, plain, error)
+    surface, scene, materials = _checked(gbuffer, scene, material)
+    error = error_of_lights(surface, scene, plain, _tolerance(tolerance))
+    given = (surface, scene, materials)
+    if isinstance(surface, Sharded) or error is not None or not are_at_hand(given):
+        return _render(surface, scene, materials, plain, error)
+    more = surface.in_bucket(), scene, with_padded_maps(materials)
+    return surface.gbuffer.placed(_rows.outermost(*more, surface.pixel_count, plain))
 
 
 def mean_squared_error(
-    gbuffer: GBuffer | KeptGeometry,
+    gbuffer: GBuffer | KeptGeometry | Sharded,
     scene: Scene,
     material: Material | Sequence[Material],
     image: ArrayLike,
@@ -81,31 +93,27 @@ def mean_squared_error(
     >>> float(mean_squared_error(g, scene, material, ds.render(g, scene, material)))
     0.0
     """
-    surface, scene, one = _checked(gbuffer, scene, material)
-    if not isinstance(image, jax.Array):
-        image = jnp.asarray(image, float)
+    surface, scene, materials = _checked(gbuffer, scene, material)
+    if isinstance(image, jax.Array):
+        observed: jax.Array = image
+    else:
+        observed = jax.device_put(np.asarray(image, jax.dtypes.canonicalize_dtype(float)))
     if not surface.pixel_count:
         raise BadInput("the G-buffer has no foreground pixel: there is nothing to compare")
     shape, pixels = surface.gbuffer.shape, surface.pixel_count
-    if image.ndim == 3 and image.shape[:2] == shape:
-        image = surface.from_image(image)
-    elif image.ndim != 2 or image.shape[1] != pixels:
+    if observed.ndim == 3 and observed.shape[:2] == shape:
+        observed = surface.from_image(observed)
+    elif observed.ndim != 2 or observed.shape[1] != pixels:
         raise BadInput(
-            f"the image has shape {image.shape}: give [{shape[0]}, {shape[1]}, C], or the"
+            f"the image has shape {observed.shape}: give [{shape[0]}, {shape[1]}, C], or the"
             f" foreground's planes [C, {pixels}]"
         )
-    return _mean_squared_error(surface, scene, one, image, plain, _tolerance(tolerance))
-
-
-def _checked(
-    gbuffer: GBuffer | KeptGeometry, scene: Scene, material: Material | Sequence[Material]
-) -> tuple[KeptGeometry, Scene, Material]:
-    surface = gbuffer if isinstance(gbuffer, KeptGeometry) else KeptGeometry(gbuffer, None)
-    one = _one_material(surface.gbuffer, material)
-    _check_maps(surface.gbuffer, one)
-    if surface.angles is not None:
-        _check_kept(surface, scene, one)
-    return surface, scene, one
+    arguments = surface, scene, materials, observed
+    error = error_of_lights(surface, scene, plain, _tolerance(tolerance))
+    if isinstance(surface, Sharded) or error is not None or not are_at_hand(arguments):
+        return _mean_squared_error(*arguments, None, plain, error)
+    more = surface.in_bucket(), scene, with_padded_maps(materials), pad(observed)
+    return _mean_squared_error.outermost(*more, pixels, plain, None)
 
 
 def _tolerance(value: ArrayLike | None) -> Float[Array, ""] | None:
@@ -115,34 +123,27 @@ def _tolerance(value: ArrayLike | None) -> Float[Array, ""] | None:
     return tolerance
 
 
-def _one_material(gbuffer: GBuffer, material: Material | Sequence[Material]) -> Material:
-    if isinstance(material, Material):
-        return material
-    if not material:
+def _checked(
+    gbuffer: GBuffer | KeptGeometry | Sharded, scene: Scene, material: Material | Sequence[Material]
+) -> tuple[KeptGeometry | Sharded, Scene, Materials]:
+    surface = KeptGeometry(gbuffer, None) if isinstance(gbuffer, GBuffer) else gbuffer
+    slot = surface.gbuffer.slot
+    several = [material] if isinstance(material, Material) else list(material)
+    if not several:
         raise BadInput("no materials are given: give one, or one a slot")
-    if len(material) == 1:
-        return material[0]
-    if gbuffer.slot is None:
-        raise BadInput(
-            f"{len(material)} materials for a surface that has one: give one material, or a mesh"
-            " whose faces have slots"
-        )
-    return by_slot(material, gbuffer.slot)
-
-
-def _check_maps(gbuffer: GBuffer, material: Material) -> None:
-    maps = [leaf.shape for leaf in jax.tree.leaves(material) if leaf.ndim == 2]
-    if maps and gbuffer.spread is not None:
-        raise BadInput(
-            "a material has maps over pixels, and this G-buffer is shaded once a face or a vertex:"
-            " use PhongShading()"
-        )
-    for shape in maps:
-        if shape[1] != gbuffer.pixel_count:
+    if len(several) > 1:
+        if slot is None:
             raise BadInput(
-                f"a coefficient has shape {shape}: a map is [C or 1, P], P = {gbuffer.pixel_count}"
-                " foreground pixels (GBuffer.from_image makes one of an image)"
+                f"{len(several)} materials for a surface that has one: give one material, or a mesh"
+                " whose faces have slots"
             )
+        check_slots(several, slot)
+    else:
+        check_maps(surface.gbuffer, several[0])
+    own = surface.surface if isinstance(surface, Sharded) else surface
+    if own.angles is not None:
+        _check_kept(own, scene, several[0])
+    return surface, scene, tuple(several)
 
 
 def _check_kept(kept: KeptGeometry, scene: Scene, material: Material) -> None:
@@ -164,35 +165,45 @@ def _listed(kinds: tuple[str, ...]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) or "no lights"
 
 
-@partial(jax.jit, static_argnums=3)
+def _one_material(gbuffer: GBuffer, materials: Materials) -> Material:
+    if len(materials) == 1:
+        return materials[0]
+    assert gbuffer.slot is not None
+    one = by_slot(materials, gbuffer.slot)
+    check_maps(gbuffer, one)
+    return one
+
+
+@partial(Led, static=(3,))
 def _render(
-    surface: KeptGeometry,
+    surface: KeptGeometry | Sharded,
     scene: Scene,
-    material: Material,
+    materials: Materials,
     plain: bool,
     tolerance: Float[Array, ""] | None,
 ) -> Float[Array, "H W C"]:
+    material = _one_material(surface.gbuffer, materials)
     return surface.gbuffer.to_image(image_planes(surface, scene, material, plain, tolerance))
 
 
-@partial(jax.jit, static_argnums=4)
+@partial(Led, static=(4,))
+def _rows(
+    surface: KeptGeometry, scene: Scene, materials: Materials, count: Int[Array, ""], plain: bool
+) -> Float[Array, "P C"]:
+    material = _one_material(surface.gbuffer, materials)
+    return image_rows(surface, scene, material, plain, count)
+
+
+@partial(Led, static=(5,))
 def _mean_squared_error(
-    surface: KeptGeometry,
+    surface: KeptGeometry | Sharded,
     scene: Scene,
-    material: Material,
+    materials: Materials,
     observed: Float[Array, "C P"],
+    wanted: Int[Array, ""] | None,
     plain: bool,
     tolerance: Float[Array, ""] | None,
 ) -> Float[Array, ""]:
-    error = squared_error(surface, scene, material, observed, plain, tolerance)
-    return error / surface.pixel_count
-
-
-@cache
-def _planes_jit() -> Callable[
-    [KeptGeometry, Scene, Material, bool, Float[Array, ""] | None], Channels
-]:
-    return jax.jit(image_planes, static_argnums=3, compiler_options=compiler_options())
-
-
-_to_image = jax.jit(GBuffer.to_image)
+    material = _one_material(surface.gbuffer, materials)
+    error = squared_error(surface, scene, material, observed, plain, tolerance, wanted)
+    return error / (surface.foreground if wanted is None else wanted)

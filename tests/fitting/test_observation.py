@@ -3,9 +3,11 @@
 import jax
 import numpy as np
 import pytest
+from compilations import compilations
 
 import diffshade as ds
 import fitting
+from diffshade.buckets import bucket
 from fitting import observation
 from fitting.inputs import match
 from fitting.observation import Stack, stacks
@@ -69,11 +71,26 @@ def test_a_sample_has_the_brightest_points_when_asked(
     assert fair.observed.shape[-1] == 64
 
 
+@pytest.mark.slow
 def test_sizes_share_programs() -> None:
-    """Lengths go in steps, so that a hundred sizes of image have a few dozen."""
-    lengths = {observation.stepped(n) for n in range(5000, 100_000, 95)}
-    assert len(lengths) <= 48
-    assert all(observation.stepped(n) >= n for n in range(1, 3000))
+    """A hundred fits compile no more than one set of programs a bucket."""
+    scene = ds.Scene(lights=ds.ParallelLight((0.3, 0.4, 1.0)))
+    truth = ds.Material(kd=0.5, specular=ds.Phong(ks=0.5, shininess=20.0))
+
+    def fitted(width: int, height: int) -> int:
+        gbuffer = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(width, height, 2.2))
+        image = np.asarray(ds.render(gbuffer, scene, truth))
+        with compilations() as compiled:
+            fitting.fit(image, gbuffer, scene)
+        programs.append(len(compiled))
+        return bucket(gbuffer.pixel_count)
+
+    programs: list[int] = []
+    once = len({fitted(60, 60)})
+    first = programs.pop()
+    ladder = {fitted(60 + k % 10, 60 + k // 10) for k in range(100)}
+    assert once == 1
+    assert sum(programs) <= first * (len(ladder) - 1)
 
 
 def test_a_highlight_that_no_fair_sample_meets() -> None:

@@ -1,17 +1,17 @@
 """The few lengths that programs are compiled for, and how many G-buffers of many sizes compile."""
 
 from collections.abc import Callable
-from contextlib import contextmanager
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from mesh_cases import icosphere
 
 import diffshade as ds
-from diffshade.buckets import bucket, cut, pad
+from diffshade.buckets import are_at_hand, bucket, cut, pad
 
 SIZES = [(64 + 2 * k, 60 + k) for k in range(30)]
 """Of images; all have different numbers of pixels, of the foreground as well."""
@@ -32,8 +32,9 @@ def test_a_bucket_holds_its_count_and_little_more():
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_what_is_padded_is_cut_back(count):
     tree = {"index": np.arange(count, dtype=np.int32), "plane": np.linspace(1, 2, count)}
-    padded = pad(tree, 8)
-    assert all(values.shape == (8,) for values in padded.values())
+    padded = pad(tree)
+    assert all(values.shape == (64,) for values in padded.values())
+    assert all(values.ctypes.data % 64 == 0 for values in padded.values())
     assert (padded["plane"][count:] == (2 if count > 1 else count)).all()
     back = cut(padded, count)
     for name, values in tree.items():
@@ -42,20 +43,28 @@ def test_what_is_padded_is_cut_back(count):
     np.testing.assert_array_equal(cut(jnp.ones((3, 8)), count), np.ones((3, count)))
 
 
-@contextmanager
-def compilations():
-    """How many programs XLA has compiled meanwhile."""
-    seen: list[str] = []
+def test_what_was_cut_is_padded_without_a_copy():
+    whole, number = jnp.arange(64.0), jnp.asarray(2.0)
+    part, same = cut((whole, number), 60)
+    assert pad(part) is whole
+    assert pad(same) is same
+    assert pad(whole) is whole
+    assert pad(cut(whole, 20)[:5]).shape == (64,)
+    assert pad(np.zeros((3, 70))).shape == (3, 80)
 
-    def note(event: str, *_: Any, **__: Any) -> None:
-        if event == "/jax/core/compile/backend_compile_duration":
-            seen.append(event)
 
-    jax.monitoring.register_event_duration_secs_listener(note)
-    try:
-        yield seen
-    finally:
-        jax.monitoring.unregister_event_duration_listener(note)
+@pytest.mark.parametrize("what", ["jit", "tracer", "committed"])
+def test_what_is_not_at_hand(what):
+    array = jnp.ones(3)
+    assert are_at_hand((array, np.ones(3), 1.0))
+    found = []
+    if what == "jit":
+        jax.jit(lambda x: found.append(are_at_hand(array)) or x)(1.0)
+    if what == "tracer":
+        jax.grad(lambda x: found.append(are_at_hand((array, x))) or x)(1.0)
+    if what == "committed":
+        found.append(are_at_hand(jax.device_put(array, jax.devices()[0])))
+    assert found == [False]
 
 
 def cameras():

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import reference
+from compilations import compilations
 
 import diffshade as ds
 
@@ -74,12 +75,10 @@ def test_repeated_calls_do_not_compile_again() -> None:
     """Plain numbers became arrays when the objects were built."""
     gbuffer, scene, _ = ours(CAMERAS["orthographic"])
     ds.render(gbuffer, scene, ds.Material(kd=0.5, specular=ds.Phong(0.5, 10.0)))
-    from diffshade.shading.render import _planes_jit
-
-    before = _planes_jit()._cache_size()
-    for k in range(3):
-        ds.render(gbuffer, scene, ds.Material(kd=0.1 * k, specular=ds.Phong(k, 10 + k)))
-    assert _planes_jit()._cache_size() == before
+    with compilations() as compiled:
+        for k in range(3):
+            ds.render(gbuffer, scene, ds.Material(kd=0.1 * k, specular=ds.Phong(k, 10 + k)))
+    assert not compiled
 
 
 def test_object_colours_multiply(tolerance: float) -> None:
