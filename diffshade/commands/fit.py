@@ -70,7 +70,7 @@ def fit_capture(
     path: Path,
     *,
     model: str = "phong",
-    hold: tuple[Hold, ...] = (),
+    hold: Sequence[Hold] = (),
     robust: bool = False,
     censor: bool = False,
     gains: bool = False,
@@ -115,7 +115,7 @@ def fit_capture(
     return Fitted(capture, found, fit_to_json(found, capture, model=model, seconds=seconds))
 
 
-def _held(material: Material, hold: tuple[Hold, ...], channel_count: int) -> Material:
+def _held(material: Material, hold: Sequence[Hold], channel_count: int) -> Material:
     """The material with the values of what is held."""
     import equinox as eqx
     import jax.numpy as jnp

@@ -2,89 +2,68 @@
 
 import math
 import re
+from argparse import ArgumentTypeError
 
-from diffshade.commands.console import WrongUsage
-
-__all__ = [
-    "parse_circle",
-    "parse_coordinator",
-    "parse_encoding",
-    "parse_hold",
-    "parse_share",
-    "parse_white",
-]
+__all__ = ["circle", "coordinator", "encoding", "held", "level", "share"]
 
 
-def parse_white(text: str | None) -> float | None:
+def level(text: str) -> float:
     """A level above 0."""
-    if text is None:
-        return None
-    (level,) = _numbers("--white", text, 1, "a number above 0")
-    if level <= 0:
-        raise WrongUsage(f"--white {text}: give a number above 0")
-    return level
+    value = _numbers(text)
+    _check(len(value) == 1 and value[0] > 0, text, "a number above 0")
+    return value[0]
 
 
-def parse_circle(text: str | None) -> tuple[float, float, float] | None:
+def circle(text: str) -> tuple[float, float, float]:
     """A centre and a radius in pixels, "cx,cy,r"."""
-    if text is None:
-        return None
-    cx, cy, radius = _numbers("--circle", text, 3, "cx,cy,r in pixels")
-    if radius <= 0:
-        raise WrongUsage(f"--circle {text}: give a radius above 0")
-    return cx, cy, radius
+    value = _numbers(text)
+    _check(len(value) == 3 and value[2] > 0, text, "cx,cy,r in pixels, with r above 0")
+    return value[0], value[1], value[2]
 
 
-def parse_encoding(text: str | None) -> str | float | None:
+def encoding(text: str) -> str | float:
     """ "linear", "srgb" or a gamma."""
-    if text is None or text in ("linear", "srgb"):
+    if text in ("linear", "srgb"):
         return text
-    wanted = "linear, srgb or a gamma such as 2.2"
-    (gamma,) = _numbers("--encoding", text, 1, wanted)
-    if gamma <= 0:
-        raise WrongUsage(f"--encoding {text}: give {wanted}")
-    return gamma
+    value = _numbers(text)
+    _check(len(value) == 1 and value[0] > 0, text, "linear, srgb or a gamma such as 2.2")
+    return value[0]
 
 
-def parse_hold(text: str) -> tuple[str, tuple[float, ...]]:
+def held(text: str) -> tuple[str, tuple[float, ...]]:
     """A coefficient and the value it is held at, "kd=0.5" or "kd=0.5,0.4,0.3"."""
-    name, _, value = text.partition("=")
-    wanted = f"{name}=VALUE, one number or one a channel, none below 0"
-    values = _numbers("--hold", text, None, wanted, value)
-    if min(values) < 0:
-        raise WrongUsage(f"--hold {text}: give {wanted}")
-    return name, values
+    name, _, number = text.partition("=")
+    value = _numbers(number)
+    wanted = "NAME=VALUE, one number or one a channel, none below 0"
+    _check(min(value, default=-1) >= 0, text, wanted)
+    return name, value
 
 
-def parse_share(option: str, text: str | None) -> tuple[int, int] | None:
+def share(text: str) -> tuple[int, int]:
     """One of several, counted from 1: "2/4"."""
-    if text is None:
-        return None
     found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
-    share, shares = map(int, found.groups()) if found else (0, 0)
-    if not 1 <= share <= shares:
-        raise WrongUsage(f"{option} {text}: give I/N with I from 1 to N, such as 2/4")
-    return share, shares
+    i, n = map(int, found.groups()) if found else (0, 0)
+    _check(1 <= i <= n, text, "I/N with I from 1 to N, such as 2/4")
+    return i, n
 
 
-def parse_coordinator(text: str | None) -> str | None:
+def coordinator(text: str) -> str:
     """A host and a port, "host:port"."""
-    if text is not None:
-        found = re.fullmatch(r"[^\s:]+:(\d{1,5})|\[[^\s\]]+\]:(\d{1,5})", text)
-        port = int(found[1] or found[2]) if found else 0
-        if not 1 <= port <= 65535:
-            raise WrongUsage(f"--coordinator {text}: give host:port, such as 10.0.0.1:5000")
+    found = re.fullmatch(r"[^\s:]+:(\d{1,5})|\[[^\s\]]+\]:(\d{1,5})", text)
+    port = int(found[1] or found[2]) if found else 0
+    _check(1 <= port <= 65535, text, "host:port, such as 10.0.0.1:5000")
     return text
 
 
-def _numbers(
-    option: str, text: str, count: int | None, wanted: str, value: str | None = None
-) -> tuple[float, ...]:
-    """Finite numbers between commas, as many as `count` says if it does."""
+def _numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers between commas; none where anything else is among them."""
     try:
-        values = tuple(map(float, (text if value is None else value).split(",")))
+        values = tuple(map(float, text.split(",")))
     except ValueError:
-        values = ()
-    if not values or count not in (None, len(values)) or not all(map(math.isfinite, values)):
-        raise WrongUsage(f"{option} {text}: give {wanted}")
-    return values
+        return ()
+    return values if all(map(math.isfinite, values)) else ()
+
+
+def _check(holds: bool, text: str, wanted: str) -> None:
+    if not holds:
+        raise ArgumentTypeError(f"{text.strip()}: give {wanted}")

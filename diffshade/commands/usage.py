@@ -1,0 +1,213 @@
+"""The words that each command takes, and its help. Imports little, so that help is there at once."""
+
+import re
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from diffshade.commands import options
+from diffshade.commands.console import WrongUsage
+
+__all__ = ["parse"]
+
+CAPTURE = "A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml."
+FLAGS = {
+    "--robust": "Take the weight from outliers, such as shadows (Tukey's biweight).",
+    "--censor": 'Use clipped pixels as what they say, "at least", in place of leaving them out.',
+    "--gains": "Find the strength of each image's lights too.",
+    "--certify": "Prove that the minimum is global where one shininess is all that is searched, and"
+    " draw the residual over the shininess in report.html.",
+}
+
+
+def parse(arguments: Sequence[str]) -> dict[str, Any]:
+    """The name of the `command` and what it takes; `WrongUsage` is raised, and SystemExit after help."""
+    program = _Parser(
+        prog="diffshade",
+        description="Shading under known lights, and materials from photographs.",
+    )
+    commands = program.add_subparsers(
+        title="commands", metavar="COMMAND", dest="command", required=True
+    )
+    for name, (does, takes) in COMMANDS.items():
+        takes(commands.add_parser(name, help=does, description=does))
+    # An outline may begin with a minus, which argparse takes for an option unless a space comes first.
+    words = [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in arguments]
+    return vars(program.parse_args(words))
+
+
+class _Parser(ArgumentParser):
+    """A parser that complains in one line, and knows no abbreviations."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        raise WrongUsage(f"{message.removeprefix('argument ')}; see {self.prog} --help")
+
+
+def _demo(parser: ArgumentParser) -> None:
+    _results(parser)
+    _precision(parser)
+
+
+def _render(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "path",
+        metavar="SCENE.toml",
+        type=Path,
+        help="Geometry, camera, lights and material.",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="The image: .png (sRGB, 8 bits), .exr or .npy (linear).",
+    )
+    _precision(parser)
+
+
+def _fit(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "captures",
+        metavar="CAPTURE",
+        type=Path,
+        nargs="+",
+        help=f"{CAPTURE} Of several, each is fitted on its own, into a folder of its name below --out.",
+    )
+    _results(parser)
+    _precision(parser)
+    _reading(parser)
+    model = parser.add_argument_group("what is fitted, and how")
+    model.add_argument(
+        "--model",
+        choices=("phong", "blinn-phong", "lambert", "phong2"),
+        default="phong",
+        help="Diffuse and ambient terms with this lobe; lambert has none, phong2 two highlights."
+        " (default: %(default)s)",
+    )
+    model.add_argument(
+        "--hold",
+        metavar="NAME=VALUE",
+        type=options.held,
+        nargs="+",
+        action="extend",
+        default=[],
+        help="Keep coefficients at a value, one number or one a channel: ka, kd, specular.ks,"
+        " specular.shininess (of one of two lobes: specular.0.ks).",
+    )
+    for flag, does in FLAGS.items():
+        model.add_argument(flag, action="store_true", help=does)
+    shares = parser.add_argument_group("several captures, several processes")
+    shares.add_argument(
+        "--shard",
+        metavar="I/N",
+        type=options.share,
+        help="Of several captures, fit every N-th from the I-th on.",
+    )
+    shares.add_argument(
+        "--processes",
+        metavar="N",
+        type=int,
+        help="Make one fit by so many processes on this machine.",
+    )
+    shares.add_argument(
+        "--process",
+        metavar="I/N",
+        type=options.share,
+        help="Make one fit by N processes, of which this is the I-th; start the others likewise, on"
+        " other machines. Each needs the capture, and the first writes --out.",
+    )
+    shares.add_argument(
+        "--coordinator",
+        metavar="HOST:PORT",
+        type=options.coordinator,
+        help="Where the first of these processes is reached by the others.",
+    )
+    shares.add_argument(
+        "--patience",
+        metavar="SECONDS",
+        type=float,
+        default=60.0,
+        help="How long to wait for a process that does not come, or shows no life (status 69)."
+        " (default: %(default)g)",
+    )
+
+
+def _evaluate(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "fit_json",
+        metavar="FIT.json",
+        type=Path,
+        help="A fit.json as `fit --out` writes it, or the output of `fit --json`.",
+    )
+    parser.add_argument("path", metavar="CAPTURE", type=Path, help=CAPTURE)
+    _json(parser)
+    _precision(parser)
+    _reading(parser)
+
+
+def _results(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        help="Write pictures, report.html, report.txt and fit.json into this folder.",
+    )
+    _json(parser)
+
+
+def _json(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--json",
+        dest="as_json",
+        action="store_true",
+        help="Print one JSON object and nothing else on standard output.",
+    )
+
+
+def _precision(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--precision",
+        type=int,
+        choices=(32, 64),
+        help="Bits of a float; by default as JAX is set: 32, or 64 with JAX_ENABLE_X64.",
+    )
+
+
+def _reading(parser: ArgumentParser) -> None:
+    photographs = parser.add_argument_group("what the photographs say")
+    photographs.add_argument(
+        "--white",
+        metavar="LEVEL",
+        type=options.level,
+        help="The level at which the sensor clips, as a part of full scale.",
+    )
+    photographs.add_argument(
+        "--circle",
+        metavar="CX,CY,R",
+        type=options.circle,
+        help="The outline of the ball, in pixels from the image's top left corner.",
+    )
+    photographs.add_argument(
+        "--encoding",
+        metavar="linear|srgb|GAMMA",
+        type=options.encoding,
+        help="How values relate to light, whatever the files say.",
+    )
+
+
+COMMANDS = {
+    "demo": (
+        "Recover the material of a ball that ships with the package, and compare with the truth.",
+        _demo,
+    ),
+    "render": ("Render a sphere or a mesh under lights.", _render),
+    "fit": (
+        "Recover a material's coefficients and their standard errors from photographs.",
+        _fit,
+    ),
+    "evaluate": ("Measure how well a fitted material predicts photographs.", _evaluate),
+}
