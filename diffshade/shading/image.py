@@ -58,7 +58,7 @@ def image_planes(
     arguments = _arguments(surface, scene, material, tolerance)
     shade = partial(_shade, tuple, plain=plain, wanted=None)
     if isinstance(surface, Sharded):
-        return on_each(shade, surface.mesh, arguments, _planes(arguments))
+        return on_each(shade, surface.mesh, tuple(arguments), tuple(_planes(arguments)))
     return shade(*arguments)
 
 
