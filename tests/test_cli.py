@@ -79,8 +79,12 @@ def test_the_program_answers_help(cache: str) -> None:
     ],
 )
 def test_help_names_what_a_command_takes(
-    command: str, words: str, capsys: pytest.CaptureFixture[str]
+    command: str,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
     assert run([command, "--help"]) == 0
     told = capsys.readouterr().out
     assert told.startswith(f"usage: diffshade {command}")
@@ -89,13 +93,14 @@ def test_help_names_what_a_command_takes(
         assert word in listed, word
 
 
-def test_help_whose_reader_is_gone() -> None:
+def test_help_whose_reader_is_gone(cache: str) -> None:
     here, there = os.pipe()
     os.close(here)
+    own = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     done = subprocess.run(
         [sys.executable, "-m", "diffshade", "--help"],
         cwd=Path(__file__).parents[1],
-        env={key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"},
+        env={**own, "XDG_CACHE_HOME": cache},
         stdout=there,
         stderr=subprocess.PIPE,
         check=False,
