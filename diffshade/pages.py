@@ -192,8 +192,8 @@ class _Pages:
     def cut(self, arguments: Arguments, number: Array | int) -> Arguments:
         """The arguments of a page."""
         leaves, structure = jax.tree.flatten(arguments)
-        parts = [self.cutter(number)(i, x) for i, x in enumerate(leaves)]
-        return jax.tree.unflatten(structure, parts)
+        cut = self.cutter(number)
+        return jax.tree.unflatten(structure, [cut(i, x) for i, x in enumerate(leaves)])
 
     def write(self, whole: Array, page: Array, number: Array, axis: int = -1) -> Array:
         return lax.dynamic_update_slice_in_dim(whole, page, self.start(number), axis)

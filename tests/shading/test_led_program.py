@@ -80,6 +80,21 @@ def test_values(coloured: bool, lights: int, tolerance: float) -> None:
 
 
 @pytest.mark.slow
+def test_many_lights_are_the_sum_of_each(tolerance: float) -> None:
+    lit = ds.Scene(lights=scene(lights=40).lights)
+    weights = jnp.asarray(np.random.default_rng(3).normal(size=(44, 46, 3)), float)
+
+    @jax.jit
+    def slope(lit: ds.Scene) -> Any:
+        return jax.value_and_grad(lambda s: (weights * ds.render(GBUFFER, s, MATERIAL)).sum())(lit)
+
+    value, gradient = slope(lit)
+    each = [slope(ds.Scene(lights=light)) for light in lit.lights]
+    agree(value, sum(v for v, _ in each), tolerance)
+    agree(gradient.lights, tuple(g.lights[0] for _, g in each), 20 * tolerance)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("lobe", LOBES)
 @pytest.mark.parametrize("law", ATTENUATIONS)
 def test_reverse_mode_for_every_input(lobe: str, law: str, tolerance: float) -> None:
