@@ -54,7 +54,8 @@ class Cone(NamedTuple):
     def around(vectors: Vec3) -> "Cone":
         """One that holds planes [P] of unit vectors."""
         axis = unit(jax.tree.map(lambda x: x.mean(-1), vectors))
-        cosine = jnp.clip(dot(vectors, axis).min(-1), -1, 1)
+        least = dot(vectors, axis).min(-1)
+        cosine = jnp.clip(least - 4 * float(jnp.finfo(least.dtype).eps), -1, 1)
         return Cone(axis, cosine, _other(cosine))
 
     @staticmethod
@@ -64,9 +65,10 @@ class Cone(NamedTuple):
 
     def wider_by(self, other: "Cone") -> "Cone":
         """The cone whose angle is the sum of both, or pi."""
+        everything = self.cosine + other.cosine <= 0  # the angles add up to pi or more
         cosine = self.cosine * other.cosine - self.sine * other.sine
         sine = self.sine * other.cosine + self.cosine * other.sine
-        return Cone(self.axis, jnp.where(sine < 0, -1, cosine), guard.positive(sine))
+        return Cone(self.axis, jnp.where(everything, -1, cosine), jnp.where(everything, 0, sine))
 
 
 def largest_cosine(a: Cone, b: Cone) -> Number:

@@ -33,6 +33,8 @@ def mesh_over(devices: Devices) -> Mesh:
                 " a sequence of devices"
             )
         devices = list(devices.devices)
+    if not isinstance(devices, Sequence | np.ndarray):
+        raise BadInput(f"devices is {devices!r}: give a sequence of devices, such as jax.devices()")
     given = list(devices)
     if not given or len(set(given)) < len(given):
         raise BadInput(f"devices is {given}: give one device or more, each once")

@@ -118,7 +118,7 @@ def page_size(lights: int = 1) -> int:
     On one processor a page should fit into the cache; several share the loops over a larger one. A
     derivative holds some two hundred planes of a page: 26 MiB in float32.
     """
-    chunks = -(-lights // 4)
+    chunks = max(-(-lights // 4), 1)
     return max((2**14 if processors() == 1 else 2**15) // chunks, 2**12)
 
 

@@ -9,7 +9,7 @@ from diffshade.arrays import ArrayLike
 from diffshade.devices import Devices, mesh_over
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
+from diffshade.light.attenuation import AbstractAttenuation, InverseSquare, Windowed
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
@@ -102,6 +102,12 @@ def fit(
     weighting = _weighting(robust, noise, clipped)
     mesh = None if devices is None else mesh_over(devices)
     photographs = match(images, gbuffer, scenes, valid, clipped)
+    windows = [getattr(x, "attenuation", None) for p in photographs for x in p.scene.lights]
+    if attenuation is not None and any(isinstance(law, Windowed) for law in windows):
+        raise BadInput(
+            "a light has an attenuation with a window (Windowed), which a fit of its constants would"
+            " drop: give attenuation=None, or lights without a reach"
+        )
     if attenuation is InverseSquare:
         law = InverseSquare()
         photographs = [p._replace(scene=with_attenuation(p.scene, law)) for p in photographs]

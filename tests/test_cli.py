@@ -144,6 +144,15 @@ def test_wrong_usage_is_status_2(words: str, capsys: pytest.CaptureFixture[str])
     assert "--help" in output.err
 
 
+def test_a_misspelt_option_is_named_with_what_was_meant(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["fit", "x", "--circel", "1,2,3"]) == 2
+    assert "--circel (did you mean --circle?); see diffshade fit" in capsys.readouterr().err
+    assert run(["fit", "--hold", "kd=0.5", "x"]) == 2
+    assert "a CAPTURE goes before --hold" in capsys.readouterr().err
+
+
 def test_an_outline_may_begin_with_a_minus(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -35,6 +35,8 @@ def held(text: str) -> tuple[str, tuple[float, ...]]:
     name, _, number = text.partition("=")
     value = _numbers(number)
     wanted = "NAME=VALUE, one number or one a channel, none below 0"
+    if "=" not in text:
+        wanted += " (a CAPTURE goes before --hold)"
     _check(min(value, default=-1) >= 0, text, wanted)
     return name, value
 

@@ -3,6 +3,7 @@
 import re
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -34,7 +35,13 @@ def parse(arguments: Sequence[str]) -> dict[str, Any]:
         takes(commands.add_parser(name, help=does, description=does))
     # An outline may begin with a minus, which argparse takes for an option unless a space comes first.
     words = [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in arguments]
-    return vars(program.parse_args(words))
+    found, unknown = program.parse_known_args(words)
+    if unknown:
+        chosen = commands.choices[found.command]
+        close = get_close_matches(unknown[0], chosen.words(), n=1)
+        meant = f" (did you mean {close[0]}?)" if close else ""
+        chosen.error(f"unknown argument {unknown[0].strip()}{meant}")
+    return vars(found)
 
 
 class _Parser(ArgumentParser):
@@ -42,6 +49,10 @@ class _Parser(ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(allow_abbrev=False, **settings)
+
+    def words(self) -> list[str]:
+        """The options."""
+        return list(self._option_string_actions)
 
     def error(self, message: str) -> NoReturn:
         raise WrongUsage(f"{message.removeprefix('argument ')}; see {self.prog} --help")

@@ -21,7 +21,7 @@ from diffshade.geometry.surface import AbstractSurface, Visibility
 from diffshade.geometry.viewer import AbstractViewer, DistantViewer, Eye
 from diffshade.vector import Vec3, unit
 
-__all__ = ["GBuffer", "gbuffer", "visibility"]
+__all__ = ["GBuffer", "check_lengths", "gbuffer", "visibility"]
 
 Planes = tuple[Shaped[Array, "P"], ...]
 
@@ -60,7 +60,7 @@ class GBuffer(eqx.Module):
 
         Raises `BadInput` where planes differ in length, which nobody could tell any more.
         """
-        _check_lengths(self)
+        check_lengths(self)
         return dataclasses.replace(
             self,
             shape=(1, bucket(self.pixel_count)),
@@ -82,7 +82,7 @@ class GBuffer(eqx.Module):
             rows = (
                 jnp.zeros((count, len(planes)), rows.dtype)
                 .at[self.index]
-                .set(rows, unique_indices=True, indices_are_sorted=True)
+                .set(rows, unique_indices=True)
             )
         return rows.reshape(*self.shape, len(planes))
 
@@ -92,7 +92,7 @@ class GBuffer(eqx.Module):
         if self.index is not None:
             image = room_for((self.shape[0] * self.shape[1], channels), own.dtype)
             image.fill(0)
-            _pixels(image)[_inside(self.index, len(image))] = _pixels(own)
+            _pixels(image)[_places(self.index, len(image))] = _pixels(own)
             own = image
         return jax.device_put(own.reshape(*self.shape, channels))
 
@@ -108,7 +108,7 @@ class GBuffer(eqx.Module):
         if are_at_hand((self.index, image)):
             rows = np.ascontiguousarray(image).reshape(-1, image.shape[-1])
             if self.index is not None:
-                foreground = _pixels(rows)[_inside(self.index, len(rows))]
+                foreground = _pixels(rows)[_places(self.index, len(rows))]
                 rows = foreground.view(rows.dtype).reshape(-1, rows.shape[1])
             return jax.device_put(rows.T.copy())
         planes = image.reshape(-1, image.shape[-1]).T
@@ -167,7 +167,9 @@ class GBuffer(eqx.Module):
         )
 
 
-def _check_lengths(gbuffer: GBuffer) -> None:
+def check_lengths(gbuffer: GBuffer) -> None:
+    """Raise `BadInput` where planes differ in length."""
+
     def lengths(*planes: Any) -> set[int]:
         return {x.shape[-1] for x in jax.tree.leaves(planes) if x.ndim}
 
@@ -189,6 +191,16 @@ def _inside(index: Int[Array, "P"], count: int) -> Bool[np.ndarray, "N"]:
     inside = np.zeros(count, bool)
     inside[np.asarray(index)] = True
     return inside
+
+
+def _places(index: Int[Array, "P"], count: int) -> np.ndarray:
+    """The same for placing: a mask, which is fast, or else the index itself, where it is in no order."""
+    return _inside(index, count) if _ascends(index) else np.asarray(index)
+
+
+@remembered
+def _ascends(index: Int[Array, "P"]) -> bool:
+    return bool((np.diff(np.asarray(index)) > 0).all())
 
 
 def _pixels(rows: Shaped[np.ndarray, "P C"]) -> Shaped[np.ndarray, "P"]:

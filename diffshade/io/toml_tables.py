@@ -169,27 +169,27 @@ def _attenuation(table: Table) -> AbstractAttenuation:
     """The law; with a `reach`, that within a window."""
     from diffshade.light.attenuation import Windowed
 
-    if "reach" not in table.values:
-        return _law(table)
+    if "reach" not in table:
+        return _law(table, asked=set(table.values) == {"kind"})
     reach = table.number("reach", above=0.0)
     law = {key: value for key, value in table.values.items() if key != "reach"}
-    return Windowed(_law(dataclasses.replace(table, values=law)), reach)
+    return Windowed(_law(dataclasses.replace(table, values=law), asked=False), reach)
 
 
-def _law(table: Table) -> AbstractAttenuation:
+def _law(table: Table, asked: bool) -> AbstractAttenuation:
+    """The law, or none yet, where its constants are asked for."""
     from diffshade.light import attenuation as f
 
-    unknown = set(table.values) == {"kind"}  # to be fitted; until then there is none
     match table.choice("kind", ("quadratic", "linear", "inverse_square", "exponential")):
         case "quadratic":
             constants: dict[str, Any] = {"c0": 1.0}
-            if not unknown:
+            if not asked:
                 table.expect(("kind", "c0"), ("c1", "c2"))
                 constants = {c: table.number(c, least=0.0) for c in table.values if c != "kind"}
             return f.QuadraticAttenuation(**constants)
         case "linear":
             constants = {"c0": 1.0, "c1": 0.0}
-            if not unknown:
+            if not asked:
                 table.expect(("kind", "c0", "c1"))
                 constants = {c: table.number(c, least=0.0) for c in constants}
             return f.LinearAttenuation(**constants)
@@ -198,7 +198,7 @@ def _law(table: Table) -> AbstractAttenuation:
             return f.InverseSquare()
         case _:
             constants = {"a": 0.0}
-            if not unknown:
+            if not asked:
                 table.expect(("kind", "a"))
                 constants["a"] = table.number("a", least=0.0)
             return f.ExponentialAttenuation(**constants)

@@ -25,7 +25,10 @@ Plane = Float[Array, "..."]
 
 
 class AbstractAttenuation(eqx.Module):
-    """A factor f(d) on the intensity of a light, which does not rise with d > 0."""
+    """A factor f(d) on the intensity of a light, which does not rise with d > 0.
+
+    What tiles of an image may leave out of many lights relies on that.
+    """
 
     @abstractmethod
     def __call__(self, d: Plane) -> Plane:

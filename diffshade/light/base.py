@@ -51,7 +51,7 @@ class AbstractLight(eqx.Module):
     def over(self, ball: Ball | None) -> Incoming | None:
         """`incidence` for all points of a ball; None, the default, of a light that is never left out.
 
-        `falloff` must not rise with the distance where this is given.
+        `falloff` must not rise with the distance where this is given. Both are mapped over lights.
         """
         return None
 

@@ -101,8 +101,8 @@ def terms(
 ) -> Basis:
     """`basis`, as a part of a program.
 
-    `few` is how the terms of a few lights are summed. With a `tolerance` lights that add up to less on
-    all of the pixels are left out (`cull`).
+    `few` is how the terms of a few lights are summed. With a `tolerance` lights that add up to no more
+    on any of the pixels are left out (`cull`).
     """
     sums: LightSums = (None, ())
     if lights and (material.kd is not None or material.specular):
@@ -119,7 +119,7 @@ def terms(
 
 
 def _dimmest(gbuffer: GBuffer, material: Material, tolerance: Float[Array, ""]) -> Dimmest:
-    tile, material = lax.stop_gradient((tile_of(gbuffer), material))
+    tile, material = lax.stop_gradient((tile_of(gbuffer, material), material))
     return Dimmest(lambda one: at_most(tile, one[0], material), lax.stop_gradient(tolerance))
 
 

@@ -2,8 +2,9 @@
 
 A tile asks of every light how bright it can be at the most on any of its pixels (`at_most`): from where
 it stands, where the normals point, and how near the light is, by the equation itself at the largest
-cosines. Lights that face no pixel or do not reach one are at 0. The least bright of all are left out
-while what they can add up to stays below the tolerance, which therefore bounds the error of the sum.
+cosines. Lights that face no pixel or do not reach one are at 0; a coefficient or an intensity of 0 alone
+does not put them there, for its derivative needs them. The least bright of all are left out while what
+they can add up to is no more than the tolerance, which therefore bounds the error of the sum.
 """
 
 from typing import NamedTuple
@@ -31,13 +32,14 @@ class Tile(NamedTuple):
 
     ball: Ball | None
     n: Cone
-    v: Cone
+    v: Cone | None
 
 
-def tile_of(gbuffer: GBuffer) -> Tile:
-    """All that is asked of a tile's pixels."""
+def tile_of(gbuffer: GBuffer, material: Material) -> Tile:
+    """All that is asked of a tile's pixels; where the viewer is only for the sake of lobes."""
     ball = None if gbuffer.position is None else Ball.around(gbuffer.position)
-    return Tile(ball, Cone.around(gbuffer.normal), gbuffer.viewer.over(ball))
+    v = gbuffer.viewer.over(ball) if material.specular else None
+    return Tile(ball, Cone.around(gbuffer.normal), v)
 
 
 def at_most(tile: Tile, light: AbstractLight, material: Material) -> Number:
@@ -50,13 +52,19 @@ def at_most(tile: Tile, light: AbstractLight, material: Material) -> Number:
     cosine = largest_cosine(tile.n, incoming.l)
     reflected = _largest(material.kd, material.od) * cosine
     for lobe in material.specular:
+        assert tile.v is not None
         shape = lobe.most(tile.n, incoming.l, tile.v)
         reflected += _largest(lobe.ks, material.os) * (unknown if shape is None else shape)
     arriving = jnp.abs(light.intensity)
+    dark = cosine <= 0
     f = light.falloff(incoming.nearest)
     if f is not None:
-        arriving *= jnp.where(incoming.nearest == 0, unknown, jnp.abs(f))
-    return jnp.where(cosine <= 0, 0, arriving * reflected).max().astype(dtype)
+        smallest = float(jnp.finfo(dtype).tiny)
+        f = jnp.where(incoming.nearest <= smallest**0.5, unknown, f)  # there laws are guarded
+        dark |= f == 0
+        arriving *= jnp.abs(f)
+    most = (arriving * reflected).max().astype(dtype)
+    return jnp.where(dark, 0, jnp.where(most == 0, float(jnp.finfo(dtype).tiny), most))
 
 
 def needed(most: Float[Array, "L"], tolerance: Number) -> tuple[Int[Array, "L"], Int[Array, ""]]:

@@ -105,7 +105,7 @@ def error_of_lights(surface: Surface, scene: Scene, plain: bool, tolerance: Tole
 
     Without a tolerance many lights of finite reach leave out nothing but zeros.
     """
-    if plain or not is_led() or isinstance(surface, Sharded):
+    if plain or not is_led() or isinstance(surface, Sharded) or not surface.pixel_count:
         return None
     if surface.gbuffer.spread is not None or surface.angles is not None:
         return None

@@ -60,8 +60,8 @@ class Many(eqx.Module):
 
         return Many(jax.tree.map(chunked, self.fields))
 
-    def one(self, number: int | Int[Array, ""]) -> Light:
-        """A light, or a chunk of them."""
+    def one(self, number: int | slice | Int[Array, "..."]) -> Light:
+        """A light, a chunk, or several."""
         return jax.tree.map(lambda leaf: leaf[number], self.fields)
 
     def taken(self, numbers: Int[Array, "N"]) -> "Many":
@@ -81,7 +81,7 @@ class Many(eqx.Module):
 
 
 class Dimmest(NamedTuple):
-    """What may be left out: lights that add up to less than `tolerance`."""
+    """What may be left out: lights that add up to no more than `tolerance`."""
 
     at_most: Callable[[Light], Float[Array, ""]]
     tolerance: Float[Array, ""]
@@ -144,7 +144,7 @@ def _sum_of_needed(
     term: Callable[[Sequence[Light]], LightSums], many: Many, size: int, dimmest: Dimmest
 ) -> LightSums:
     """The same without the dimmest."""
-    whole = Many(jax.tree.map(lambda leaf: leaf[: many.count // size * size], many.fields))
+    whole = Many(many.one(slice(many.count // size * size)))
     most = jax.vmap(dimmest.at_most)(lax.stop_gradient(whole.fields))
     numbers, count = needed(most, dimmest.tolerance)
     chunks, of_chunk, start = _in_chunks(term, whole.taken(numbers), size)

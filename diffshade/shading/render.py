@@ -12,7 +12,7 @@ from diffshade.arrays import ArrayLike, optional, positive
 from diffshade.buckets import are_at_hand, pad
 from diffshade.errors import BadInput
 from diffshade.fusion import Led
-from diffshade.geometry.gbuffer import GBuffer
+from diffshade.geometry.gbuffer import GBuffer, check_lengths
 from diffshade.reflectance.material import Material, by_slot, check_slots, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.basis import check_maps
@@ -50,7 +50,8 @@ def render(
 
     Of many lights a CPU leaves out, tile by tile, what adds up to at most `tolerance` in any channel of
     any pixel, in the unit of the image; 0 leaves out what is exactly dark, as is done without asking
-    for many lights of finite reach (`Windowed`). Derivatives are those of the lights that are left.
+    for many lights of finite reach (`Windowed`). Derivatives are those of the lights that are left:
+    from a coefficient or an intensity of 0 ask for no more than a tolerance of 0.
     Kept geometry, several devices and points that are no pixels have all lights computed.
 
     Raises `BadInput` for numbers of channels that do not match, a point light or an eye with a
@@ -97,7 +98,13 @@ def mean_squared_error(
     if isinstance(image, jax.Array):
         observed: jax.Array = image
     else:
-        observed = jax.device_put(np.asarray(image, jax.dtypes.canonicalize_dtype(float)))
+        try:
+            host = np.asarray(image, jax.dtypes.canonicalize_dtype(float))
+        except (TypeError, ValueError):
+            raise BadInput(
+                f"the image is a {type(image).__name__} that is no array: give numbers [H, W, C]"
+            ) from None
+        observed = jax.device_put(host)
     if not surface.pixel_count:
         raise BadInput("the G-buffer has no foreground pixel: there is nothing to compare")
     shape, pixels = surface.gbuffer.shape, surface.pixel_count
@@ -127,6 +134,7 @@ def _checked(
     gbuffer: GBuffer | KeptGeometry | Sharded, scene: Scene, material: Material | Sequence[Material]
 ) -> tuple[KeptGeometry | Sharded, Scene, Materials]:
     surface = KeptGeometry(gbuffer, None) if isinstance(gbuffer, GBuffer) else gbuffer
+    check_lengths(surface.gbuffer)
     slot = surface.gbuffer.slot
     several = [material] if isinstance(material, Material) else list(material)
     if not several:

@@ -14,6 +14,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Bool, PyTree, Shaped
 
+from diffshade.arrays import is_concrete
 from diffshade.devices import AXIS, Devices, dealt, mesh_over, place
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
@@ -47,7 +48,13 @@ class Sharded(eqx.Module):
         return self.surface.pixel_count
 
     def from_image(self, image: Shaped[Array, "H W C"]) -> Shaped[Array, "C P"]:
-        """The pixels of an image [H, W, C], one plane a channel, dealt out like the G-buffer's."""
+        """The pixels of an image [H, W, C], one plane a channel, dealt out like the G-buffer's.
+
+        Raises `BadInput` for an image of another size.
+        """
+        height, width = self.gbuffer.shape
+        if image.shape[:2] != (height, width):
+            raise BadInput(f"the image has shape {image.shape}: give [{height}, {width}, C]")
         assert self.gbuffer.index is not None
         index = jnp.minimum(self.gbuffer.index, self.gbuffer.index[self.foreground - 1])
         return image.reshape(-1, image.shape[-1]).T[:, index]
@@ -79,6 +86,11 @@ def shard(surface: GBuffer | KeptGeometry, devices: Devices) -> Sharded:
     >>> ds.render(ds.shard(g, jax.devices()), scene, material).shape
     (8, 8, 1)
     """
+    if isinstance(surface, Sharded) or not is_concrete(surface):
+        raise BadInput(
+            "a surface is dealt out over devices once, outside of jit, grad and vmap: give ds.shard a"
+            " G-buffer, or kept geometry, of values"
+        )
     mesh = mesh_over(devices)
     kept = surface if isinstance(surface, KeptGeometry) else KeptGeometry(surface, None)
     gbuffer = kept.gbuffer

@@ -343,3 +343,10 @@ def test_a_linear_law_beside_a_known_diffuse_coefficient() -> None:
     )
     found = fit.coefficients["attenuation.c0"], fit.coefficients["attenuation.c1"]
     np.testing.assert_allclose(found, (1.5, 0.4), rtol=2e-3)
+
+
+def test_a_window_is_not_dropped() -> None:
+    windowed = scene(ds.Windowed(ds.InverseSquare(), reach=9.0))
+    for law in (ds.QuadraticAttenuation, ds.InverseSquare):
+        with pytest.raises(ds.BadInput, match="would drop"):
+            fitting.fit(np.zeros((*GBUFFER.shape, 3)), GBUFFER, windowed, attenuation=law)

@@ -124,6 +124,17 @@ def test_image_and_planes_round_trip(rng):
         np.testing.assert_array_equal(back, np.where(inside[..., None], image, 0))
 
 
+def test_pixels_may_come_in_any_order(rng):
+    some = ds.GBuffer.from_arrays(None, rng.normal(size=(3, 4, 3)), rng.random((3, 4)) < 0.7)
+    order = rng.permutation(some.pixel_count)
+    mixed = ds.GBuffer(some.shape, some.normal[order], some.viewer, index=some.index[order])
+    scene, material = ds.Scene(0.1, ds.ParallelLight((0, 0, 1))), ds.Material(0.3, 0.5)
+    image = ds.render(some, scene, material)
+    np.testing.assert_array_equal(ds.render(mixed, scene, material), image)
+    np.testing.assert_allclose(jax.jit(ds.render)(mixed, scene, material), image, rtol=1e-6)
+    np.testing.assert_array_equal(mixed.from_image(image), some.from_image(image)[:, order])
+
+
 def bent(vertices):
     return ds.Mesh(vertices, CUBE_FACES)
 

@@ -189,6 +189,7 @@ def test_a_map_of_normals_is_shaded_without_a_camera(tmp_path: Path) -> None:
         ("ambient ", 'shading = "toon"\nambient ', 'give one of "phong", "flat", "gouraud"'),
         ("ambient ", 'shading = "flat"\nambient ', "which has no faces"),
         (", c0 = 1, c2 = 0.05", "", "light 1: its attenuation has no numbers"),
+        ("c0 = 1, c2 = 0.05", "reach = 3", 'the key "c0" is missing'),
         ("fov = 0.5", "fov = 45", "camera: fov is 45"),
         (", position = [1, 1, 5]", "", 'camera: the key "position" is missing'),
         ("kd = [0.6, 0.3, 0.2]", "kd = [0.6, 0.3]", "one for each channel"),

@@ -83,7 +83,7 @@ def test_no_pixel_is_brighter_than_the_bound(rng: np.random.Generator, name: str
         for first in range(0, 1200, 200):
             here = order[first : first + 200]
             tile = jax.tree.map(lambda x: x[here], (GBUFFER.normal, GBUFFER.position))  # noqa: B023
-            of = tile_of(ds.GBuffer((1, 200), tile[0], GBUFFER.viewer, tile[1]))
+            of = tile_of(ds.GBuffer((1, 200), tile[0], GBUFFER.viewer, tile[1]), material)
             assert image[:, first : first + 200].max() <= float(bound(of, light)) * (1 + 1e-6)
 
 
@@ -91,7 +91,7 @@ def test_what_is_not_known_is_not_left_out() -> None:
     class Mirror(ds.Phong):
         most = ds.reflectance.lobe.AbstractLobe.most
 
-    tile = tile_of(GBUFFER)
+    tile = tile_of(GBUFFER, MATERIAL)
     light = ds.ParallelLight((0, 0, 1))
     assert at_most(tile, light, ds.Material(kd=1.0)) <= 1
     assert at_most(tile, light, ds.Material(kd=1.0, specular=Mirror(0.1, 5.0))) == np.inf
@@ -180,6 +180,56 @@ def test_derivatives_are_those_of_all_lights(error: str) -> None:
     along = jax.tree.map(lambda x: jnp.cos(jnp.arange(x.size, dtype=x.dtype)).reshape(x.shape), at)
     ours, plain = (jax.jit(partial(jax.jvp, loss(p)))(at, along) for p in (False, True))
     near(ours, plain)
+
+
+@pytest.mark.parametrize("what", ["coefficients", "intensities"])
+def test_what_is_zero_has_its_derivative(what: str) -> None:
+    """At a start of 0 a light is dark, and its derivative is not."""
+    scene, material = reaching(), ds.Material(kd=0.0, specular=ds.Phong(0.0, 20.0))
+    if what == "intensities":
+        material = MATERIAL
+        scene = ds.Scene(
+            0.2, tuple(ds.PointLight(x.position, 0.0, x.attenuation) for x in scene.lights)
+        )
+
+    def total(at: Any, plain: bool) -> jax.Array:
+        return ds.render(GBUFFER, *at, plain=plain).sum()
+
+    near(*(jax.jit(jax.grad(partial(total, plain=p)))((scene, material)) for p in (False, True)))
+
+
+def test_normals_that_face_each_other_have_no_small_cone() -> None:
+    """A cone of pi and one of pi are everything, not nothing: here light came from all over."""
+    angle = np.where(np.arange(64) % 2, 0.7, -0.7)
+    normal = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1)
+    normal[:2] = 0, 0, -1
+    gbuffer = ds.GBuffer.from_arrays(None, np.tile(normal, (2, 1, 1)))
+    scene = ds.Scene(None, (ds.ParallelLight((np.sin(1.4), 0, np.cos(1.4))),) * 40)
+    material = ds.Material(specular=ds.Phong(1.0, 32.0))
+    exact = ds.render(gbuffer, scene, material, plain=True)
+    assert exact.max() > 1
+    np.testing.assert_allclose(
+        ds.render(gbuffer, scene, material, tolerance=1e-3), exact, atol=2e-3
+    )
+    everything = Cone.around(Vec3.from_array(jnp.array([[0.0, 0, 1], [0, 0, -1], [0, 0, 1]])))
+    assert smallest_cosine(everything, everything) == -1
+    assert everything.wider_by(everything).cosine == -1
+
+
+def test_nothing_to_see_and_nothing_that_lights() -> None:
+    away = ds.OrthographicCamera(8, 8, 0.2, position=(9, 9, 9), target=(9, 9, 20))
+    nothing = ds.gbuffer(ds.Sphere(), away)
+    assert not ds.render(nothing, reaching(), MATERIAL, tolerance=0.1).any()
+    assert not ds.render(nothing, reaching(), MATERIAL).any()
+    large = ds.GBuffer.from_arrays(None, np.ones((160, 160, 3)))
+    ambient = ds.Scene(ambient=1.0)
+    for tolerance in (None, 0.1):
+        image = ds.render(large, ambient, ds.Material(ka=0.25), tolerance=tolerance)
+        np.testing.assert_array_equal(image, 0.25)
+        error = ds.mean_squared_error(
+            large, ambient, ds.Material(ka=0.25), image, tolerance=tolerance
+        )
+        assert error == 0
 
 
 def test_it_nests_in_vmap() -> None:

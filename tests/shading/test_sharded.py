@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -149,6 +150,11 @@ def test_what_cannot_be_dealt_out() -> None:
     g = ds.GBuffer.from_arrays(None, np.ones((2, 3, 3)))
     with pytest.raises(ds.BadInput, match="devices is"):
         ds.shard(g, [])
+    shared = ds.shard(g, jax.devices()[:1])
+    with pytest.raises(ds.BadInput, match="outside of jit"):
+        jax.jit(lambda g: ds.shard(g, jax.devices()[:1]).gbuffer.normal.x)(g)
+    with pytest.raises(ds.BadInput, match=r"give \[2, 3, C\]"):
+        shared.from_image(jnp.zeros((3, 2, 1)))
     mesh = ds.Mesh(np.float64([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     flat = ds.gbuffer(mesh, ds.OrthographicCamera(8, 8, 2.2), shading=ds.FlatShading())
     with pytest.raises(ds.BadInput, match="once a face or a vertex"):

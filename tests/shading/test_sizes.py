@@ -1,7 +1,7 @@
 """Images of a hundred sizes share the programs of a few buckets, and none of them tells."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -193,8 +193,12 @@ def test_errors_name_the_sizes_that_were_given() -> None:
     with pytest.raises(ds.BadInput, match=r"give \[19, 23, C\]$"):
         g.from_image(jnp.zeros((23, 19, 3)))
     half = ds.GBuffer(g.shape, g.normal, g.viewer, g.position, g.index[:-1])
-    with pytest.raises(ds.BadInput, match=f"of .{g.pixel_count}. points for {g.pixel_count - 1} "):
-        ds.render(half, SCENE, MATERIAL)
+    for call in (ds.render, jax.jit(ds.render), partial(ds.render, tolerance=0.1)):
+        with pytest.raises(ds.BadInput, match=f".{g.pixel_count}. points for {g.pixel_count - 1} "):
+            call(half, SCENE, MATERIAL)
+    for wrong in ([[1, 2], [3]], "a"):
+        with pytest.raises(ds.BadInput, match="is no array"):
+            ds.mean_squared_error(g, SCENE, MATERIAL, wrong)  # type: ignore[arg-type]
 
 
 def test_arrays_stay_on_the_device_that_they_were_put_on() -> None:
