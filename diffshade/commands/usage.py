@@ -10,9 +10,10 @@ from typing import Any, NoReturn
 from diffshade.commands import options
 from diffshade.commands.console import WrongUsage
 
-__all__ = ["parse"]
+__all__ = ["MODELS", "parse"]
 
 CAPTURE = "A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml."
+MODELS = ("phong", "blinn-phong", "lambert", "phong2")
 FLAGS = {
     "--robust": "Take the weight from outliers, such as shadows (Tukey's biweight).",
     "--censor": 'Use clipped pixels as what they say, "at least", in place of leaving them out.',
@@ -94,7 +95,7 @@ def _fit(parser: ArgumentParser) -> None:
     model = parser.add_argument_group("what is fitted, and how")
     model.add_argument(
         "--model",
-        choices=("phong", "blinn-phong", "lambert", "phong2"),
+        choices=MODELS,
         default="phong",
         help="Diffuse and ambient terms with this lobe; lambert has none, phong2 two highlights."
         " (default: %(default)s)",

@@ -4,7 +4,6 @@ import json
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
-from typing import get_args
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from diffshade import BlinnPhong, Material, Phong, QuadraticAttenuation, Scene
-from diffshade.cli import Model
+from diffshade.commands import usage
 from diffshade.errors import BadInput
 from diffshade.io.toml_document import Table
 from diffshade.light.attenuation import (
@@ -215,7 +214,7 @@ def test_what_is_no_fit_is_refused_in_one_line(spoil, says: str) -> None:
 
 
 def test_the_command_line_offers_the_models_that_have_names() -> None:
-    assert set(get_args(Model)) == set(MODELS)
+    assert set(usage.MODELS) == set(MODELS)
     assert named_material("lambert", ambient=False).specular == ()
     first, second = named_material("phong2", ambient=True).specular
     assert first.shininess > second.shininess
