@@ -124,6 +124,7 @@ def test_tiles_follow_each_other() -> None:
         assert steps.sum() + 1 == len(np.unique(tile, axis=1).T)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coloured", [False, True])
 @pytest.mark.parametrize("tolerance", [0.0, 1e-3, 0.5])
 def test_the_error_of_the_sum_is_below_the_tolerance(
