@@ -125,7 +125,7 @@ def draw(rows: list[Row], file: Path) -> None:
 
     figure, axes = plt.subplots(figsize=(5, 3.5), layout="constrained")
     some = [row for row in rows if row.name != ALL]
-    axes.loglog([r.milliseconds for r in some], [r.error for r in some], "o-")
+    axes.semilogy([r.milliseconds for r in some], [r.error for r in some], "o-")
     for row in some:
         axes.annotate(row.name, (row.milliseconds, row.error), fontsize=7, rotation=20)
     axes.axvline(rows[0].milliseconds, linestyle=":", label=ALL)

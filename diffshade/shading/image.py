@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from diffshade.channels import Channels, per_channel
-from diffshade.fusion import is_led, keeping, kept, page_size
+from diffshade.fusion import is_led, keeping, kept, page_size, stored
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.pages import map_pages, sum_pages
 from diffshade.reflectance.material import Material
@@ -245,7 +245,10 @@ def _shaded(
     points = dataclasses.replace(gbuffer, spread=None)
     basis = terms(points, ambient, lights, material, few, tolerance)
     image = _image(basis, material, gbuffer.normal.x)
-    return image if gbuffer.spread is None else tuple(map(gbuffer.spread, image))
+    if gbuffer.spread is None:
+        return image
+    # Or XLA shades a point for every pixel that reads it
+    return tuple(map(gbuffer.spread, stored(lambda *planes: planes, *image)))
 
 
 def _stored(
