@@ -14,7 +14,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
@@ -36,7 +35,7 @@ from diffshade.shading.basis import (
     written_out,
 )
 from diffshade.shading.cull import TILE, tile_by_tile
-from diffshade.shading.kept_geometry import KeptGeometry
+from diffshade.shading.kept_geometry import KeptGeometry, planes_of
 from diffshade.shading.lights import Many
 from diffshade.shading.sharded import Sharded, on_each
 
@@ -139,9 +138,8 @@ def _planes(arguments: Arguments) -> Arguments:
         return jax.tree.map(lambda _: are, tree)
 
     gbuffer, ambient, lights, material, tolerance = arguments
-    viewer = all_of(gbuffer.viewer, False)
     return Arguments(
-        eqx.tree_at(lambda g: g.viewer, all_of(gbuffer, True), viewer),
+        planes_of(KeptGeometry(gbuffer, None)).gbuffer,
         all_of(ambient, False),
         tuple(
             all_of(x, False) if isinstance(x, Many) else (all_of(x[0], False), all_of(x[1], True))
@@ -161,14 +159,14 @@ def _shade(
     """The image's planes, arranged page by page, while they are in the cache."""
 
     def value(*arguments: Any) -> tuple[Array, ...]:
-        return arranged(_shaded(in_one_pass, *arguments))
+        return arranged(_shaded(in_one_pass, Arguments(*arguments)))
 
     def plainly(*arguments: Any) -> tuple[Array, ...]:
-        return arranged(_shaded(written_out, *arguments))
+        return arranged(_shaded(written_out, Arguments(*arguments)))
 
     @keeping
     def for_derivative(*arguments: Any) -> tuple[Array, ...]:
-        return arranged(_stored(*arguments))
+        return arranged(_stored(Arguments(*arguments)))
 
     gbuffer, _, lights, _, tolerance = given = Arguments(*arguments)
     planes, count = _planes(given), gbuffer.pixel_count
@@ -200,14 +198,14 @@ def _add_up(
         *arguments: Any,
     ) -> Float[Array, ""]:
         own = own if counted is None else own & counted
-        return _squares(_stored(*arguments), observed, own)
+        return _squares(_stored(Arguments(*arguments)), observed, own)
 
     gbuffer, _, lights, _, tolerance = given = Arguments(*arguments)
     count = gbuffer.pixel_count
     if tolerance is None and not _by_pages(gbuffer, plain):
         own = jnp.ones(count, bool) if counted is None else counted
         own = own if wanted is None else own & (jnp.arange(count) < wanted)
-        return _squares(_shaded(written_out, *arguments), observed, own)
+        return _squares(_shaded(written_out, given), observed, own)
     everything: tuple[Any, ...] = (observed, counted, *given)
     planes = (True, None if counted is None else True, *_planes(given))
     page = _page(count, lights, wanted)
@@ -233,15 +231,9 @@ def _page(count: int, lights: tuple[Lit | Many, ...], wanted: Int[Array, ""] | N
     return page if wanted is None else min(page, max(FEW, count // 16))
 
 
-def _shaded(
-    few: Few,
-    gbuffer: GBuffer,
-    ambient: Float[Array, "..."] | None,
-    lights: tuple[Lit | Many, ...],
-    material: Material,
-    tolerance: Tolerance,
-) -> Channels:
+def _shaded(few: Few, given: Arguments) -> Channels:
     """The image of the shaded points, spread over the pixels where these are others."""
+    gbuffer, ambient, lights, material, tolerance = given
     points = dataclasses.replace(gbuffer, spread=None)
     basis = terms(points, ambient, lights, material, few, tolerance)
     image = _image(basis, material, gbuffer.normal.x)
@@ -251,14 +243,9 @@ def _shaded(
     return tuple(map(gbuffer.spread, stored(lambda *planes: planes, *image)))
 
 
-def _stored(
-    gbuffer: GBuffer,
-    ambient: Float[Array, "..."] | None,
-    lights: tuple[Lit | Many, ...],
-    material: Material,
-    tolerance: Tolerance,
-) -> Channels:
+def _stored(given: Arguments) -> Channels:
     """The same from a stored basis: what reads the image does not compute it again."""
+    gbuffer, ambient, lights, material, tolerance = given
     basis = terms(gbuffer, ambient, lights, material, written_out, tolerance)
     return kept(_image, basis, material, gbuffer.normal.x)
 

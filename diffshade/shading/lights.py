@@ -51,14 +51,15 @@ class Many(eqx.Module):
         """How many there are."""
         return jax.tree.leaves(self.fields)[0].shape[0]
 
+    def split(self, size: int) -> tuple["Many", list[Light]]:
+        """Those that fill whole chunks, and the few that are left, one by one."""
+        whole = self.count // size * size
+        left = [self.one(number) for number in range(whole, self.count)]
+        return Many(self.one(slice(whole))), left
+
     def chunks(self, size: int) -> "Many":
-        """[L / size, size, ...]: the lights in chunks; those that fill none are left out."""
-        number = self.count // size
-
-        def chunked(leaf: Array) -> Array:
-            return leaf[: number * size].reshape(number, size, *leaf.shape[1:])
-
-        return Many(jax.tree.map(chunked, self.fields))
+        """[L / size, size, ...]: the lights in chunks, which they fill."""
+        return Many(jax.tree.map(lambda leaf: leaf.reshape(-1, size, *leaf.shape[1:]), self.fields))
 
     def one(self, number: int | slice | Int[Array, "..."]) -> Light:
         """A light, a chunk, or several."""
@@ -74,10 +75,6 @@ class Many(eqx.Module):
         parts = zip(jnp.split(rows, ends, axis=1), leaves, strict=True)
         fields = [part.reshape(-1, *leaf.shape[1:]) for part, leaf in parts]
         return Many(jax.tree.unflatten(structure, fields))
-
-    def some(self, first: int) -> list[Light]:
-        """All from the first on, one by one."""
-        return [self.one(number) for number in range(first, self.count)]
 
 
 class Dimmest(NamedTuple):
@@ -117,13 +114,13 @@ def sum_over_lights(
     few = [light for light in together if not isinstance(light, Many)]
     kinds = [light for light in together if isinstance(light, Many)]
     for many in kinds:
+        whole, left = many.split(size if dimmest is None else CHUNK_OF_TILE)
+        few += left
         if dimmest is None:
-            total = add(total, _sum_of_all(term, many, size))
-            few += many.some(many.count // size * size)
+            total = add(total, _sum_of_all(term, whole, size))
         else:
             share = dimmest._replace(tolerance=dimmest.tolerance / len(kinds))
-            total = add(total, _sum_of_needed(term, many, CHUNK_OF_TILE, share))
-            few += many.some(many.count // CHUNK_OF_TILE * CHUNK_OF_TILE)
+            total = add(total, _sum_of_needed(term, whole, CHUNK_OF_TILE, share))
     for first in range(0, len(few), size):
         total = add(total, term(few[first : first + size]))
     assert total is not None
@@ -131,7 +128,7 @@ def sum_over_lights(
 
 
 def _sum_of_all(term: Callable[[Sequence[Light]], LightSums], many: Many, size: int) -> LightSums:
-    """The sum over as many lights as fill whole chunks."""
+    """The sum over lights that fill whole chunks."""
     chunks, of_chunk, start = _in_chunks(term, many, size)
 
     def add_chunk(total: LightSums, chunk: Light) -> tuple[LightSums, None]:
@@ -144,10 +141,9 @@ def _sum_of_needed(
     term: Callable[[Sequence[Light]], LightSums], many: Many, size: int, dimmest: Dimmest
 ) -> LightSums:
     """The same without the dimmest."""
-    whole = Many(many.one(slice(many.count // size * size)))
-    most = jax.vmap(dimmest.at_most)(lax.stop_gradient(whole.fields))
+    most = jax.vmap(dimmest.at_most)(lax.stop_gradient(many.fields))
     numbers, count = needed(most, dimmest.tolerance)
-    chunks, of_chunk, start = _in_chunks(term, whole.taken(numbers), size)
+    chunks, of_chunk, start = _in_chunks(term, many.taken(numbers), size)
     turns = -(-count // size)
 
     def add_chunk(total: LightSums, number: Int[Array, ""]) -> LightSums:
@@ -167,7 +163,7 @@ def _in_chunks(
     """The chunks, the sum over one, and a sum over none."""
 
     def of_chunk(chunk: Light) -> LightSums:
-        return term(Many(chunk).some(0))
+        return term([Many(chunk).one(number) for number in range(size)])
 
     chunks = many.chunks(size)
     shapes = jax.eval_shape(lambda: of_chunk(chunks.one(0)))

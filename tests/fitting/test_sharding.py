@@ -1,7 +1,6 @@
 """One fit over several devices or processes: the same result, and a clear end if one is lost."""
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +13,7 @@ import jax
 import numpy as np
 import pytest
 from command_line import HEAD, KA, KD, KS, LIGHTS, SHININESS, image_entry, light
+from forced_devices import printed
 from jax.sharding import Mesh
 
 import diffshade as ds
@@ -79,13 +79,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_eight_devices_are_one() -> None:
-    environment = {**os.environ, "XLA_FLAGS": "--xla_force_host_platform_device_count=8"}
-    environment |= {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", EIGHT], env=environment, capture_output=True, text=True, timeout=900
-    )
-    assert done.returncode == 0, done.stderr
-    for alone, *shared in json.loads(done.stdout):
+    for alone, *shared in printed(EIGHT, devices=8):
         for other in shared:
             for name, value in alone.items():
                 np.testing.assert_allclose(other[name], value, rtol=1e-9, atol=1e-14, err_msg=name)

@@ -1,15 +1,11 @@
 """Shading over several devices: the numbers of one, each device its own pixels, and nothing gathered."""
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from forced_devices import printed
 
 import diffshade as ds
 
@@ -117,13 +113,7 @@ print(json.dumps(rows))
 
 @pytest.mark.slow
 def test_four_devices_are_one() -> None:
-    environment = {**os.environ, "XLA_FLAGS": "--xla_force_host_platform_device_count=4"}
-    environment |= {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", FOUR], env=environment, capture_output=True, text=True, timeout=900
-    )
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(done.stdout)
+    rows = printed(FOUR, devices=4)
     assert rows["a ball"]["pixels"] % 4  # some device has pixels that are repeated
     for row in rows.values():
         for what, difference in row["off"].items():
