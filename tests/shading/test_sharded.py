@@ -1,6 +1,5 @@
 """Shading over several devices: the numbers of one, each device its own pixels, and nothing gathered."""
 
-
 import jax
 import jax.numpy as jnp
 import numpy as np
