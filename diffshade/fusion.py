@@ -112,14 +112,18 @@ class Led:
         return (self.outermost if outermost else self.nested)(*arguments)
 
 
-def page_size(lights: int = 1) -> int:
-    """How many pixels are shaded at once, where something is kept of each of so many lights.
+def page_size(lights: int | None = None) -> int:
+    """How many pixels are shaded at once: for a derivative, which keeps something of each of so many
+    lights, or (None) for a value, which keeps a few planes.
 
     On one processor a page should fit into the cache; several share the loops over a larger one. A
     derivative holds some two hundred planes of a page: 26 MiB in float32.
     """
+    alone = processors() == 1
+    if lights is None:
+        return 2**14 if alone else 2**18
     chunks = max(-(-lights // 4), 1)
-    return max((2**14 if processors() == 1 else 2**15) // chunks, 2**12)
+    return max((2**14 if alone else 2**15) // chunks, 2**12)
 
 
 def processors() -> int:

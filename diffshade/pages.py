@@ -39,6 +39,7 @@ def map_pages(
     count: int,
     page: int,
     for_derivative: Callable[..., Planes],
+    page_for_derivative: int,
     plain: Callable[..., Planes] | None,
     wanted: Int[Array, ""] | None = None,
 ) -> Planes:
@@ -51,6 +52,7 @@ def map_pages(
     large, keeping what they need of all pixels is faster than to compute it again (None: never).
     """
     pages = _Pages(count, page, planes, wanted)
+    scan = _Pages(count, page_for_derivative, planes, wanted)
 
     @jax.custom_jvp
     def evaluate(*arguments: Any) -> Planes:
@@ -78,19 +80,19 @@ def map_pages(
 
         def scanned(*moving: Array) -> Planes:
             places = enumerate(zip(moved.where, moving, strict=True))
-            stacks = {k: pages.stack(x) for k, (i, x) in places if pages.is_plane[i]}
+            stacks = {k: scan.stack(x) for k, (i, x) in places if scan.is_plane[i]}
 
             @jax.checkpoint
             def one(own: dict[int, Array], moving: tuple[Array, ...], number: Array) -> Planes:
                 parts = tuple(own.get(k, x) for k, x in enumerate(moving))
-                return for_derivative(*moved.replaced(parts, pages.cutter(number)))
+                return for_derivative(*moved.replaced(parts, scan.cutter(number)))
 
             _, out = lax.scan(
                 lambda _, at: (None, one(at[0], moving, at[1])),
                 None,
-                (stacks, jnp.arange(pages.number)),
+                (stacks, jnp.arange(scan.number)),
             )
-            return tuple(pages.join(plane) for plane in out)
+            return tuple(scan.join(plane) for plane in out)
 
         return value, jax.jvp(scanned, moved.primals, moved.tangents)[1]
 

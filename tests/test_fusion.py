@@ -77,7 +77,7 @@ def test_one_pass_computes_a_logarithm_and_a_power_once() -> None:
 
 def test_work_and_memory_in_proportion_to_lights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond input, output and an output-sized buffer memory is that of a page."""
-    monkeypatch.setattr(image, "page_size", lambda _: 2048)
+    monkeypatch.setattr(image, "page_size", lambda *_: 2048)
     temporary = []
     for lights in (4, 16):
         program = compiled(fast(False), GBUFFER, scene(lights), MATERIAL)

@@ -173,12 +173,16 @@ def _shade(
     if tolerance is not None:
         order = tile_by_tile(gbuffer)
         ordered = _ordered(given, planes, order)
-        tiles = map_pages(value, ordered, planes, count, TILE**2, for_derivative, None)
+        tile = TILE**2
+        tiles = map_pages(value, ordered, planes, count, tile, for_derivative, tile, None)
         return tuple(jnp.zeros_like(x).at[order].set(x, unique_indices=True) for x in tiles)
     if not _by_pages(gbuffer, plain):
         return plainly(*arguments)
-    page = _page(count, lights, wanted)
-    return map_pages(value, arguments, planes, count, page, for_derivative, plainly, wanted)
+    page = _page(page_size(), count, wanted)
+    smaller = _page(page_size(_count(lights)), count, wanted)
+    return map_pages(
+        value, arguments, planes, count, page, for_derivative, smaller, plainly, wanted
+    )
 
 
 def _add_up(
@@ -208,7 +212,7 @@ def _add_up(
         return _squares(_shaded(written_out, given), observed, own)
     everything: tuple[Any, ...] = (observed, counted, *given)
     planes = (True, None if counted is None else True, *_planes(given))
-    page = _page(count, lights, wanted)
+    page = _page(page_size(_count(lights)), count, wanted)
     if tolerance is not None:
         everything = _ordered(everything, planes, tile_by_tile(gbuffer))
         page = TILE**2
@@ -225,10 +229,13 @@ def _by_pages(gbuffer: GBuffer, plain: bool) -> bool:
     return gbuffer.spread is None and gbuffer.pixel_count >= FEW and is_led() and not plain
 
 
-def _page(count: int, lights: tuple[Lit | Many, ...], wanted: Int[Array, ""] | None) -> int:
+def _page(page: int, count: int, wanted: Int[Array, ""] | None) -> int:
     """How many pixels are shaded at once: fewer of a padded image, whose last page is in part in vain."""
-    page = page_size(sum(x.count if isinstance(x, Many) else 1 for x in lights))
-    return page if wanted is None else min(page, max(FEW, count // 16))
+    return page if wanted is None else min(page, max(FEW, count // 8))
+
+
+def _count(lights: tuple[Lit | Many, ...]) -> int:
+    return sum(x.count if isinstance(x, Many) else 1 for x in lights)
 
 
 def _shaded(few: Few, given: Arguments) -> Channels:

@@ -27,7 +27,7 @@ Planes = tuple[ds.Scene, ds.Material, Any, Any]
 @pytest.fixture(autouse=True)
 def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     jax.clear_caches()
-    monkeypatch.setattr(image, "page_size", lambda _: 400)
+    monkeypatch.setattr(image, "page_size", lambda *_: 400)
     monkeypatch.setattr(image, "FEW", 100)
     assert GBUFFER.pixel_count > 600
 

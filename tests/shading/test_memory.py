@@ -53,7 +53,7 @@ def page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Non
 
     jax.clear_caches()
     monkeypatch.setattr(fusion, "processors", lambda: 1 if request.param == "one processor" else 2)
-    assert image.page_size() in (2**14, 2**15)
+    assert image.page_size(4) == (2**14 if request.param == "one processor" else 2**15)
 
 
 def test_an_image() -> None:
@@ -64,7 +64,7 @@ def test_an_image() -> None:
         lambda g, s, m: image_planes(KeptGeometry(g, None), s, m, False), *arguments()
     )
     placing = 3 * 4 * PIXELS + temporary(ds.GBuffer.to_image, g, planes)
-    assert shading <= 8 * MIB
+    assert shading <= 32 * MIB
     assert placing <= IMAGE + 32 * MIB
     assert temporary(ds.render, g, scene, material) <= IMAGE + 32 * MIB
 

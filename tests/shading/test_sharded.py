@@ -15,7 +15,7 @@ import diffshade as ds
 from diffshade.shading import image
 
 jax.config.update("jax_enable_x64", True)
-image.page_size, image.FEW = lambda _: 200, 100  # several pages each, the last one overlapping
+image.page_size, image.FEW = lambda *_: 200, 100  # several pages each, the last one overlapping
 devices = jax.devices()
 assert len(devices) == 4
 COLLECTIVE = "(all-gather|all-reduce|collective-permute|all-to-all|reduce-scatter)[(-]"

@@ -134,7 +134,7 @@ def test_the_same_inside_a_program(
 ) -> None:
     if paged:
         jax.clear_caches()
-        monkeypatch.setattr(image, "page_size", lambda _: 96)
+        monkeypatch.setattr(image, "page_size", lambda *_: 96)
         monkeypatch.setattr(image, "FEW", 64)
     call, arguments = CALLS[name](surface(kind, 23, 19))
     ours, theirs = call(*arguments), jax.jit(call)(*arguments)
