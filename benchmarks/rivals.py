@@ -1,4 +1,4 @@
-"""Rivals in shading beside the exact image and gradient: LIGHT-13 in C, PyTorch and Dr.Jit.
+"""Rivals in shading beside the exact image and gradient: LIGHT-13 in C, PyTorch, Dr.Jit and Mitsuba.
 
     python -m benchmarks.rivals                      all that are installed
     python -m benchmarks.rivals ceiling --lights 4   some
@@ -27,6 +27,7 @@ RIVALS = {
     "ceiling": "benchmarks.ceiling",
     "torch": "benchmarks.torch_shading",
     "drjit": "benchmarks.drjit_shading",
+    "mitsuba": "benchmarks.mitsuba_shading",
 }
 EYE = np.array([0.0, 0.0, 6.0])
 
