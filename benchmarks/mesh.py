@@ -5,6 +5,7 @@
 The bare cast is Embree's alone, of ready rays in single precision at a scene that is built. Every
 figure is a median over rounds in which all that is compared takes its turn; ratios are medians of the
 rounds' own ratios. Embree keeps one core busy; the rest of the work is done on as many as are free.
+Open3D and Mitsuba cast the same rays where they are installed, on all cores: `taskset -c 0` for one.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import numpy as np
 import trimesh
 
 import diffshade as ds
+from benchmarks import casters
 from diffshade.fusion import processors
 from diffshade.geometry import raycast
 
@@ -34,14 +36,36 @@ def icosphere(levels: int) -> ds.Mesh:
     return ds.Mesh(ball.vertices.astype(np.float32), ball.faces)
 
 
-def measured(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> Turns:
-    """What takes its turn in a round."""
-    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+def rays(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> tuple[np.ndarray, ...]:
+    """Vertices, triangles, and the rays' origins and directions."""
     origin, direction = (
         np.broadcast_to(np.asarray(plane.to_array(), np.float32), (camera.width**2, 3)).copy()
         for plane in camera.rays(jnp.arange(camera.width**2))
     )
     origin += np.float32([0, 0, 2])  # in front of the sphere
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces), origin, direction
+
+
+def others(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> Turns:
+    """The casts of others that are installed; prints how far their hits are from ours."""
+    seen, found = ds.visibility(mesh, camera), ds.gbuffer(mesh, camera)
+    face, position = np.full(camera.width**2, -1), np.zeros((camera.width**2, 3))
+    face[seen.index], position[seen.index] = seen.face, found.position.to_array()
+    turns: Turns = {}
+    for name, make in casters.CASTERS.items():
+        try:
+            caster = make(*rays(mesh, camera))
+        except ImportError as missing:
+            print(f"{name}: {missing}")
+            continue
+        print(f"{name}: {casters.difference(caster.hits(caster.cast()), face, position)}")
+        turns[name] = caster.cast
+    return turns
+
+
+def measured(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> Turns:
+    """What takes its turn in a round."""
+    points, triangles, origin, direction = rays(mesh, camera)
     scene = raycast._embree(points, triangles)
     target = raycast._target(mesh.vertices, mesh.faces)
     seen = ds.visibility(mesh, camera)
@@ -108,9 +132,10 @@ def main() -> None:
     print(
         f"{mesh.faces.shape[0]} triangles, {options.size} x {options.size} pixels, of which"
         f" {ds.gbuffer(mesh, camera).pixel_count} see the mesh; {processors()} cores, load"
-        f" {os.getloadavg()[0]:.1f}\n"
+        f" {os.getloadavg()[0]:.1f}"
     )
-    print(table(measured(mesh, camera), options.rounds))
+    turns = measured(mesh, camera) | others(mesh, camera)
+    print("\n" + table(turns, options.rounds))
 
 
 if __name__ == "__main__":
