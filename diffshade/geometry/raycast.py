@@ -5,13 +5,12 @@ mesh moved and scaled to the unit sphere, and every ray started just in front of
 may be tiny, huge or far from the origin. *Where* on the triangle is then computed again in double
 precision, whatever JAX's own is.
 
-Embree runs on one core. Meanwhile the others compute the rays of the next block of pixels and the
-points on the triangles of the last, in programs that are the same for all sizes of image.
+Every core casts the rays of a block of pixels of its own, made by a program that is the same for all
+sizes of image: Embree lets go of Python's lock since embreex 4.4. Before, casts take turns.
 """
 
-from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
 import jax
@@ -19,9 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from diffshade.buckets import bucket, pad
+from diffshade.buckets import bucket, cut, pad
 from diffshade.errors import BadInput
-from diffshade.fusion import stored
+from diffshade.fusion import processors, stored
 from diffshade.geometry.camera import AbstractCamera, Frame, Rays
 from diffshade.geometry.mesh import Mesh
 from diffshade.geometry.remembered import remembered
@@ -30,8 +29,8 @@ from diffshade.vector import Vec3, cross, dot
 
 __all__ = ["cast"]
 
-BLOCK = 2**16
-"""Pixels whose rays are in memory at once, whatever the size of the image."""
+BLOCK = 2**15
+"""Pixels whose rays a thread has in memory at once, whatever the size of the image."""
 
 VIEWS = 4
 """How many cameras' views of a mesh are remembered."""
@@ -136,48 +135,45 @@ def _embree(points: Float[np.ndarray, "U 3"], triangles: Int[np.ndarray, "S 3"])
         ) from None
     scene = EmbreeScene(robust=True)
     TriangleMesh(scene, points, triangles)
+    none = np.zeros((0, 3), np.float32)
+    scene.run(none, none)  # builds it, before several threads cast at it
     return scene
 
 
 def _cast(target: _Target, camera: AbstractCamera, dtype: np.dtype) -> Visibility:
-    pixels, faces, points = [], [], []
+    total = camera.width * camera.height
+    count = min(BLOCK, bucket(total))
+    exact = jax.tree.map(partial(np.asarray, dtype=np.float64), camera.unframed())
+    view = _View(exact, camera.frame, target.centre, target.radius)
+    with ThreadPoolExecutor(processors()) as threads:
+        block = partial(_block, target.scene, view, total, count)
+        blocks = threads.map(block, range(0, total, count))
+        pixel, met = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    where = pad((pixel, met))
     with jax.enable_x64(True):
-        exact = jax.tree.map(partial(np.asarray, dtype=np.float64), camera.unframed())
-        view = _View(exact, camera.frame, target.centre, target.radius)
-        for pixel, ray in _blocks(view, camera.width * camera.height):
-            met = target.scene.run(ray[:, :3], ray[:, 3:])
-            hit = np.flatnonzero(met >= 0)
-            pixel, met = pixel.take(hit), met.take(hit)
-            where = pad((pixel, met))
-            pixels.append(pixel)
-            faces.append(target.solid.take(met))
-            points.append(_barycentric(view, *where, target.corners, dtype))
-
-    def joined(*blocks: Any) -> np.ndarray:
-        parts = zip(blocks, pixels, strict=True)
-        return np.concatenate([np.asarray(block)[: pixel.size] for block, pixel in parts])
-
-    barycentric, crosses = jax.tree.map(joined, *points)
-    kept = slice(None) if crosses.all() else crosses
-    return Visibility(
-        (camera.height, camera.width),
-        index=jax.device_put(joined(*pixels)[kept]),
-        face=jax.device_put(joined(*faces)[kept]),
-        barycentric=jax.tree.map(lambda plane: jax.device_put(plane[kept]), barycentric),
-    )
+        barycentric, crosses = _barycentric(view, *where, target.corners, dtype)
+    seen = (where[0], target.solid.take(where[1]), barycentric)
+    kept = np.flatnonzero(np.asarray(crosses)[: pixel.size])
+    if kept.size < pixel.size:
+        seen = pad(jax.tree.map(lambda plane: np.asarray(plane).take(kept), seen))
+    index, face, barycentric = cut(seen, kept.size)
+    return Visibility((camera.height, camera.width), index, face, barycentric)
 
 
-def _blocks(view: _View, total: int) -> Iterator[tuple[Int[np.ndarray, "R"], Any]]:
-    """The pixels whose rays meet the mesh's sphere, block by block, and these rays.
+def _block(
+    scene: Any, view: _View, total: int, count: int, start: int
+) -> tuple[Int[np.ndarray, "P"], Int[np.ndarray, "P"]]:
+    """Those of a block of pixels that see the mesh, and the triangles that their rays meet.
 
     A row is a ray's origin and direction: some of the rows are faster to pick than some of six planes.
     """
-    count = min(BLOCK, bucket(total))
-    blocks = ((start, *_rays(view, np.int32(start), count)) for start in range(0, total, count))
-    following: Iterator[Any] = chain(blocks, [None])
-    for (start, rows, meets), _ in pairwise(following):  # the next block is under way
-        chosen = np.flatnonzero(np.asarray(meets)[: total - start])
-        yield (start + chosen).astype(np.int32), np.asarray(rows).take(chosen, axis=0)
+    with jax.enable_x64(True):
+        rows, meets = _rays(view, np.int32(start), count)
+    chosen = np.flatnonzero(np.asarray(meets)[: total - start])
+    ray = np.asarray(rows).take(chosen, axis=0)
+    met = scene.run(ray[:, :3], ray[:, 3:])
+    hit = np.flatnonzero(met >= 0)
+    return (start + chosen.take(hit)).astype(np.int32), met.take(hit)
 
 
 @jax.jit(static_argnames="count")
