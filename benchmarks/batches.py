@@ -7,7 +7,6 @@ One core, CPU time a scene, float32. All ways take their turn in every round; fi
 
 import argparse
 import os
-import statistics
 import time
 from collections.abc import Callable
 from typing import Any
@@ -17,6 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 
 import diffshade as ds
+from benchmarks.figures import in_turn, median, paired_ratio
 from benchmarks.scenes import Case, ours
 from diffshade.fusion import processors
 
@@ -30,9 +30,9 @@ def ways(f: Callable[[Any], Any], items: list[Any]) -> dict[str, Callable[[], An
     together = jax.tree.map(lambda *leaves: jnp.stack(leaves), *items)
     one, batched, mapped = jitted(f), jitted(jax.vmap(f)), jitted(lambda x: lax.map(f, x))
     return {
-        "loop": lambda: [one(item) for item in items],
-        "vmap": lambda: batched(together),
-        "lax.map": lambda: mapped(together),
+        "loop": lambda: jax.block_until_ready([one(item) for item in items]),
+        "vmap": lambda: jax.block_until_ready(batched(together)),
+        "lax.map": lambda: jax.block_until_ready(mapped(together)),
     }
 
 
@@ -60,20 +60,10 @@ def cases(size: int, count: int) -> dict[str, dict[str, Callable[[], Any]]]:
 
 def row(turns: dict[str, Callable[[], Any]], count: int, rounds: int) -> str:
     """Milliseconds a scene in a loop, and the ratios of the others."""
-    for turn in turns.values():
-        jax.block_until_ready(turn())  # compiles
-    seen: dict[str, list[float]] = {name: [] for name in turns}
-    for _ in range(rounds):
-        for name, turn in turns.items():
-            before = time.process_time()
-            jax.block_until_ready(turn())
-            seen[name].append(time.process_time() - before)
+    seen = in_turn(turns, rounds, time.process_time)
     loop = seen.pop("loop")
-    ratios = (
-        statistics.median(own / one for own, one in zip(times, loop, strict=True))
-        for times in seen.values()
-    )
-    figures = [1e3 * statistics.median(loop) / count, *ratios]
+    ratios = (paired_ratio(times, loop) for times in seen.values())
+    figures = [1e3 * median(loop) / count, *ratios]
     return " | ".join(f"{figure:.2f}" for figure in figures)
 
 

@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.figures import ROOT, median
+from benchmarks.figures import ROOT, Figure, ask, median
 from benchmarks.first_fit import CACHE
 
 RENDER = "from benchmarks.scenes import Case, ours; g = ours(Case(256)); import diffshade as ds; "
@@ -34,6 +34,7 @@ PROCESSES = {
     "`import fitting; fitting.fit`": ("-c", "import fitting; fitting.fit"),
     "a first render": ("-c", RENDER),
 }
+MOST = {"`diffshade --help`": 0.2, "`import diffshade; diffshade.render`": 1.0}
 ON_DISK = "a first render, with the cache on disk"
 LIGHTS = (1, 4, 16, 64, 1024)
 
@@ -103,6 +104,35 @@ def compiling(lights: int, rounds: int) -> list[float]:
             times += [clock[1] - clock[0], clock[2] - clock[1]]
         seen.append(times)
     return [median(column) for column in zip(*seen, strict=True)]
+
+
+def measure(lights: int, rounds: int) -> dict[str, Any]:
+    """Seconds to trace and compile, by program."""
+    compiling(2, 1)  # what the first of all pays for
+    traced, compiled, gradient_traced, gradient_compiled = compiling(lights, rounds)
+    return {"render": traced + compiled, "gradient": gradient_traced + gradient_compiled}
+
+
+def run(rounds: int = 5, few: int = 16, many: int = 256) -> dict[str, Any]:
+    """Processes in turn, and compilations of a few lights and of many."""
+    found = processes(rounds)
+    return {
+        "processes": {name: median(s.wall for s in seen) for name, seen in found.items()},
+        "compiling": {lights: ask("first_call", lights=lights, rounds=1) for lights in (few, many)},
+    }
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
+    """Seconds of processes, and how compilation grows with the lights."""
+    rows = [
+        Figure(name, seconds, "s", most=MOST.get(name))
+        for name, seconds in results["processes"].items()
+    ]
+    (few, of_few), (many, of_many) = results["compiling"].items()
+    return rows + [
+        Figure(f"compiling of {what}, {many} lights over {few}", of_many[what] / of_few[what])
+        for what in of_few
+    ]
 
 
 def main() -> None:

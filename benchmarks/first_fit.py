@@ -60,7 +60,7 @@ def first_fit() -> None:
 PROCESSES: dict[str, Callable[[], None]] = {"small": small_function, "fit": first_fit}
 
 
-def run(rounds: int) -> dict[str, Any]:
+def run(rounds: int = 5) -> dict[str, Any]:
     """Both processes in turn, with a cache and without."""
     plain = numbers(CASE)
     points, inside = numpy_shading.points(CASE.size, plain["extent"], np.float64)

@@ -12,7 +12,7 @@ import numpy as np
 
 import diffshade as ds
 import fitting
-from benchmarks.figures import Figure, answer, ask
+from benchmarks.figures import Figure, ask
 from benchmarks.fit_truths import (
     BOUNDARIES,
     Ball,
@@ -80,7 +80,7 @@ def measure(count: int, size: int) -> dict[str, Any]:
     return {"truths": rows}
 
 
-def run(count: int, size: int) -> dict[str, Any]:
+def run(count: int = 200, size: int = 128) -> dict[str, Any]:
     """Both precisions, each in its own process."""
     return {
         str(precision): ask("fit_accuracy", precision=precision, count=count, size=size)["truths"]
@@ -105,7 +105,3 @@ def figures(results: dict[str, Any]) -> list[Figure]:
             ),
         ]
     return rows
-
-
-if __name__ == "__main__":
-    answer(measure)

@@ -15,7 +15,7 @@ import numpy as np
 import diffshade as ds
 import fitting
 from benchmarks import numpy_shading
-from benchmarks.figures import Figure, answer, ask
+from benchmarks.figures import Figure, ask
 from benchmarks.scenes import Case, numbers, ours
 
 __all__ = ["figures", "run"]
@@ -81,7 +81,3 @@ def figures(results: dict[str, Any]) -> list[Figure]:
     growth = (found[-1]["beyond"] - found[0]["beyond"]) * MEGABYTE
     more = found[-1]["observations"] - found[0]["observations"]
     return [*rows, Figure("bytes more for each further observation", growth / more, most=1)]
-
-
-if __name__ == "__main__":
-    answer(measure)

@@ -5,7 +5,7 @@ was observed: with a tenth of the pixels outliers, of the other nine tenths; wit
 what they still tell, which is that the radiance is no less than the level.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 import diffshade as ds
 import fitting
-from benchmarks.figures import Figure, answer, ask
+from benchmarks.figures import Figure, ask
 from benchmarks.fit_truths import (
     Ball,
     Named,
@@ -142,7 +142,7 @@ def _covers(fit: fitting.Fit, name: str, true: float) -> bool:
     return bool(np.squeeze(low) <= true <= np.squeeze(high))
 
 
-def run(draws: int, kinds: tuple[str, ...] = KINDS) -> dict[str, Any]:
+def run(draws: int = 1000, kinds: Sequence[str] = KINDS) -> dict[str, Any]:
     """Each kind of noise in a process of its own, in float32."""
     return {kind: ask("fit_noise", kind=kind, draws=draws) for kind in kinds}
 
@@ -164,7 +164,3 @@ def figures(results: dict[str, Any]) -> list[Figure]:
             share = pick(found["coverage"].values())
             rows.append(Figure(f"{name}: {word} coverage of a 95 % interval", share, "%", *asked))
     return rows
-
-
-if __name__ == "__main__":
-    answer(measure)

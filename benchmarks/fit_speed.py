@@ -12,7 +12,7 @@ import numpy as np
 import diffshade as ds
 import fitting
 from benchmarks import fit_rivals as rivals
-from benchmarks.figures import Figure, answer, ask, median, paired_ratio
+from benchmarks.figures import Figure, ask, median, paired_ratio
 from benchmarks.fit_truths import (
     Ball,
     Truth,
@@ -151,7 +151,7 @@ def _interleaved(turns: list[dict[str, Callable[[], Any]]], rounds: int) -> dict
     return seen
 
 
-def run(truths: int, rounds: int, start: str) -> dict[str, Any]:
+def run(truths: int = 5, rounds: int = 5, start: str = "guess") -> dict[str, Any]:
     """In a process of its own, in float32; the rivals start from "guess" or "random"."""
     return ask("fit_speed", truths=truths, rounds=rounds, start=start)
 
@@ -179,7 +179,3 @@ def figures(results: dict[str, Any]) -> list[Figure]:
             most=30,
         ),
     ]
-
-
-if __name__ == "__main__":
-    answer(measure)

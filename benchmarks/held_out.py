@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 import fitting
-from benchmarks.figures import Figure, answer, ask
+from benchmarks.figures import ROOT, Figure, ask
 from diffshade.io.capture import Capture
 from diffshade.io.read_capture import read_capture
 from fitting.named_models import named_bounds, named_material
 
 __all__ = ["figures", "run"]
 
+DATA = ROOT.parent / "shared" / "data" / "diligent_ball"
 FOLDS = 6
 MOST = {"phong": 0.095, "phong2": 0.088}
 
@@ -68,10 +69,14 @@ def _chosen(capture: Capture, chosen: list[int]) -> tuple[list[Any], list[Any], 
     return images, scenes, valid
 
 
-def run(folder: Path) -> dict[str, Any]:
+def run(folder: str | Path = DATA) -> dict[str, Any]:
     """Both models, each in a process of its own; nothing where the photographs are absent."""
+    folder = Path(folder)
     if not folder.is_dir():
-        print(f"held-out is skipped: {folder} is absent; name it by --data", file=sys.stderr)
+        print(
+            f"held-out is skipped: {folder} is absent; name another by held-out:folder=FOLDER",
+            file=sys.stderr,
+        )
         return {}
     return {model: ask("held_out", folder=str(folder.resolve()), model=model) for model in MOST}
 
@@ -85,7 +90,3 @@ def figures(results: dict[str, Any]) -> list[Figure]:
             Figure(f"ball, {model}: all lights fitted", found["all lights fitted"]),
         ]
     return rows
-
-
-if __name__ == "__main__":
-    answer(measure)

@@ -1,7 +1,6 @@
 """A thousand lights: what leaving out those that a tile can do without saves, beside its error.
 
-    taskset -c 0 python -m benchmarks.many_lights              tables
-    taskset -c 0 python -m benchmarks.many_lights --plot FILE  and error against run time, drawn
+    taskset -c 0 python -m benchmarks.many_lights
 
 One core, CPU time, float32. All programs of a scene take their turn in every round; times and ratios are
 medians over the rounds. The error is the largest difference from all lights, over pixels and channels.
@@ -9,10 +8,8 @@ medians over the rounds. The error is the largest difference from all lights, ov
 
 import argparse
 import os
-import statistics
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
 
@@ -20,14 +17,20 @@ import jax
 import numpy as np
 
 import diffshade as ds
+from benchmarks.figures import Figure, ask, in_turn, median, paired_ratio
 from benchmarks.scenes import Case, perspective
 from diffshade.fusion import processors
 from diffshade.shading import image
 
-__all__ = ["Row", "lit", "measured", "table"]
+__all__ = ["Row", "figures", "lit", "measured", "run", "table"]
 
 TOLERANCES = (0.0, 1 / 2040, 1 / 510, 1 / 128, 1 / 32)
 ALL = "all lights"
+REACHING = "those that reach a tile"
+ASKED = "tolerance 0.00781"
+"""The largest tolerance whose error is below 1/510."""
+MOST = {REACHING: 0.2, ASKED: 0.5}
+FINITE, INVERSE_SQUARE = "of finite reach", "inverse square"
 
 
 class Row(NamedTuple):
@@ -77,21 +80,16 @@ def measured(size: int, count: int, finite: bool, rounds: int) -> tuple[list[Row
         programs = {ALL: compiled(None)}
     jax.clear_caches()
     if finite:
-        programs["those that reach a tile"] = compiled(None)
+        programs[REACHING] = compiled(None)
     else:
         programs |= {f"tolerance {t:.5f}": compiled(t) for t in TOLERANCES}
     exact = programs[ALL]()
-    seen: dict[str, list[float]] = {name: [] for name in programs}
-    for _ in range(rounds):
-        for name, call in programs.items():
-            before = time.process_time()
-            call()
-            seen[name].append(time.process_time() - before)
+    seen = in_turn(programs, rounds, time.process_time)
     rows = [
         Row(
             name,
-            1e3 * statistics.median(times),
-            statistics.median(a / b for a, b in zip(times, seen[ALL], strict=True)),
+            1e3 * median(times),
+            paired_ratio(times, seen[ALL]),
             float(np.abs(programs[name]() - exact).max()),
         )
         for name, times in seen.items()
@@ -112,26 +110,37 @@ def reached(gbuffer: ds.GBuffer, scene: ds.Scene) -> float:
     return float(np.mean(parts))
 
 
+def measure(size: int, count: int, rounds: int) -> dict[str, Any]:
+    """The rows of both kinds of lights."""
+    return {
+        kind: measured(size, count, kind == FINITE, rounds)[0] for kind in (FINITE, INVERSE_SQUARE)
+    }
+
+
+def run(size: int = 512, count: int = 1024, rounds: int = 7) -> dict[str, Any]:
+    """In a process of its own, on one core."""
+    return ask("many_lights", cores=1, size=size, count=count, rounds=rounds)
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
+    """Ratios to all lights, and errors."""
+    found = []
+    for kind, rows in results.items():
+        for row in (Row(*row) for row in rows):
+            if row.name != ALL:
+                name = f"1,024 lights, {kind}, {row.name}"
+                found += [
+                    Figure(f"{name}, over all lights", row.ratio, most=MOST.get(row.name)),
+                    Figure(f"{name}: error", row.error, tolerance=1.0),
+                ]
+    return found
+
+
 def table(rows: list[Row]) -> str:
     """The rows as Markdown."""
     lines = ["| | ms | over all lights | error |", "|---|---|---|---|"]
     lines += [f"| {r.name} | {r.milliseconds:.0f} | {r.ratio:.2f} | {r.error:.1e} |" for r in rows]
     return "\n".join(lines)
-
-
-def draw(rows: list[Row], file: Path) -> None:
-    """Error against run time, over the tolerance."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(5, 3.5), layout="constrained")
-    some = [row for row in rows if row.name != ALL]
-    axes.semilogy([r.milliseconds for r in some], [r.error for r in some], "o-")
-    for row in some:
-        axes.annotate(row.name, (row.milliseconds, row.error), fontsize=7, rotation=20)
-    axes.axvline(rows[0].milliseconds, linestyle=":", label=ALL)
-    axes.set(xlabel="run time, ms", ylabel="largest error of the image")
-    axes.legend()
-    figure.savefig(file)
 
 
 def main() -> None:
@@ -142,7 +151,6 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=512, help="pixels a side")
     parser.add_argument("--lights", type=int, default=1024)
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw error against run time")
     options = parser.parse_args()
     if processors() > 1:
         parser.error(f"{processors()} cores: choose one, as in `taskset -c 0`")
@@ -150,8 +158,6 @@ def main() -> None:
         rows, part = measured(options.size, options.lights, finite, options.rounds)
         kind = f"of finite reach, each to {part:.1%} of the pixels" if finite else "inverse square"
         print(f"{options.lights} lights, {kind}; load {os.getloadavg()[0]:.1f}\n\n{table(rows)}\n")
-    if options.plot is not None:
-        draw(rows, options.plot)
 
 
 if __name__ == "__main__":

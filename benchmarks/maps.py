@@ -11,7 +11,6 @@ share identified is counted by `interface.md`'s rule, for noise of a thousandth 
 
 import argparse
 import os
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -20,10 +19,10 @@ import numpy as np
 
 import diffshade as ds
 import fitting
-from benchmarks.figures import Figure, median, table
+from benchmarks.figures import Figure, ask, in_turn, median, table
 from fitting import pixel_maps
 
-__all__ = ["figures", "measure"]
+__all__ = ["figures", "measure", "run"]
 
 WAYS: dict[str, int | None] = {"Optimistix": None, "6 steps": 6, "8 steps": 8}
 LEAST = {"Optimistix": 200_000.0, "6 steps": 1_000_000.0}
@@ -67,16 +66,14 @@ def measure(pixels: int, images: int, channels: int, rounds: int) -> dict[str, A
         calls[way] = _call(captured, gbuffer, scenes, steps, pixels)
         programs[way] = _program(calls[way])
     found = {way: call() for way, call in calls.items()}
-    whole: dict[str, list[float]] = {way: [] for way in WAYS}
-    alone: dict[str, list[float]] = {way: [] for way in WAYS}
-    for _ in range(rounds):
-        for way in WAYS:
-            whole[way].append(_seconds(calls[way]))
-            alone[way].append(_seconds(programs[way]))
+    both = {(way, "whole"): call for way, call in calls.items()}
+    both |= {(way, "alone"): program for way, program in programs.items()}
+    seen = in_turn(both, rounds)
     return {
         way: {
-            "whole": median(whole[way]),
-            "alone": median(alone[way]),
+            "pixels": pixels,
+            "whole": median(seen[way, "whole"]),
+            "alone": median(seen[way, "alone"]),
             "errors": {
                 name: _worst(found[way], name, np.asarray(value))
                 for name, value in expected.items()
@@ -114,25 +111,31 @@ def _program(call: Callable[[], fitting.Maps]) -> Callable[[], Any]:
     return lambda: real(*seen[0])()
 
 
-def _seconds(call: Callable[[], Any]) -> float:
-    started = time.perf_counter()
-    call()
-    return time.perf_counter() - started
-
-
 def _worst(maps: fitting.Maps, name: str, expected: np.ndarray) -> float:
     """The largest relative error over what is identified."""
     off = np.abs(maps.coefficients[name] / expected - 1)
     return float(np.max(off, where=maps.identified[name], initial=0))
 
 
-def figures(results: dict[str, Any], pixels: int) -> list[Figure]:
+def run(
+    pixels: int = 65_536, images: int = 24, channels: int = 1, rounds: int = 7
+) -> dict[str, Any]:
+    """In a process of its own, in float32."""
+    return ask("maps", pixels=pixels, images=images, channels=channels, rounds=rounds)
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
     """Fits a second of each way, with errors and shares."""
     rows = []
     for way, result in results.items():
         rows += [
-            Figure(f"{way}: program", pixels / result["alone"], "fits/s", least=LEAST.get(way)),
-            Figure(f"{way}: from images to maps", pixels / result["whole"], "fits/s"),
+            Figure(
+                f"{way}: program",
+                result["pixels"] / result["alone"],
+                "fits/s",
+                least=LEAST.get(way),
+            ),
+            Figure(f"{way}: from images to maps", result["pixels"] / result["whole"], "fits/s"),
             Figure(f"{way}: converged", 100 * result["converged"], "%"),
         ]
         for name in NAMES:
@@ -159,7 +162,7 @@ def main() -> None:
         f"{options.pixels} pixels, {options.images} observations in {options.channels} channels,"
         f" float{64 if jax.config.jax_enable_x64 else 32}, {cores} cores, load {load:.1f}\n"
     )
-    print(table(figures(results, options.pixels)))
+    print(table(figures(results)))
 
 
 if __name__ == "__main__":

@@ -11,8 +11,6 @@ Open3D and Mitsuba cast the same rays where they are installed, on all cores: `t
 
 import argparse
 import os
-import statistics
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -24,12 +22,18 @@ import trimesh
 
 import diffshade as ds
 from benchmarks import casters
+from benchmarks.figures import Figure, ask, in_turn, median, paired_ratio
 from diffshade.fusion import processors
 from diffshade.geometry import raycast
 
-__all__ = ["icosphere"]
+__all__ = ["figures", "icosphere", "run"]
 
 Turns = dict[str, Callable[[], Any]]
+
+EXTENT = 2.4
+"""The image's width, in radii of the sphere."""
+BARE, BUILT = "bare cast", "bare cast and building the scene"
+GBUFFER, UNCHANGED = "G-buffer", "unchanged geometry"
 
 
 def icosphere(levels: int) -> ds.Mesh:
@@ -92,38 +96,45 @@ def measured(mesh: ds.Mesh, camera: ds.OrthographicCamera) -> Turns:
         return jax.block_until_ready(ds.gbuffer(new, camera))
 
     return {
-        "bare cast": lambda: scene.run(origin, direction),
+        BARE: lambda: scene.run(origin, direction),
         "bare cast, of rays that meet the ball": lambda: scene.run(*fewer),
         "bare cast, on all cores": lambda: list(threads.map(scene.run, *parts)),
-        "G-buffer": cast(ds.gbuffer),
+        GBUFFER: cast(ds.gbuffer),
         "of it the visibility": cast(ds.visibility),
         "of it the interpolation": lambda: jax.block_until_ready(ds.gbuffer(mesh, camera, seen)),
-        "unchanged geometry": lambda: jax.block_until_ready(ds.gbuffer(mesh, camera)),
-        "bare cast and building the scene": built_and_cast,
+        UNCHANGED: lambda: jax.block_until_ready(ds.gbuffer(mesh, camera)),
+        BUILT: built_and_cast,
         "G-buffer of new geometry": from_new_arrays,
     }
 
 
-def table(turns: Turns, rounds: int) -> str:
+def table(seen: dict[str, list[float]]) -> str:
     """Milliseconds, and the ratio to the bare cast, as Markdown."""
-    for turn in turns.values():
-        turn()  # compiles
-    seen: dict[str, list[float]] = {name: [] for name in turns}
-    for _ in range(rounds):
-        for name, turn in turns.items():
-            before = time.perf_counter()
-            turn()
-            seen[name].append(time.perf_counter() - before)
     lines = ["| | ms | over the bare cast | over it and building |", "|---|---|---|---|"]
     for name, times in seen.items():
-        ratios = [
-            statistics.median(x / y for x, y in zip(times, seen[bare], strict=True))
-            for bare in ("bare cast", "bare cast and building the scene")
-        ]
-        lines.append(
-            f"| {name} | {1e3 * statistics.median(times):.1f} | {ratios[0]:.2f} | {ratios[1]:.2f} |"
-        )
+        ratios = (paired_ratio(times, seen[bare]) for bare in (BARE, BUILT))
+        cells = " | ".join(f"{ratio:.2f}" for ratio in ratios)
+        lines.append(f"| {name} | {1e3 * median(times):.1f} | {cells} |")
     return "\n".join(lines)
+
+
+def measure(levels: int, size: int, rounds: int) -> dict[str, Any]:
+    """Seconds by name, of our own part."""
+    mesh, camera = icosphere(levels), ds.OrthographicCamera(size, size, EXTENT)
+    return in_turn(measured(mesh, camera), rounds)
+
+
+def run(levels: int = 6, size: int = 512, rounds: int = 40) -> dict[str, Any]:
+    """In a process of its own."""
+    return ask("mesh", levels=levels, size=size, rounds=rounds)
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
+    """Ratios to the bare cast."""
+    return [
+        Figure(f"{name} over the bare cast", paired_ratio(results[name], results[BARE]), most=most)
+        for name, most in ((GBUFFER, 1.3), (UNCHANGED, None))
+    ]
 
 
 def main() -> None:
@@ -133,18 +144,17 @@ def main() -> None:
     )
     parser.add_argument("--levels", type=int, default=6, help="subdivisions of the icosahedron")
     parser.add_argument("--size", type=int, default=512, help="pixels a side")
-    parser.add_argument("--extent", type=float, default=2.4, help="the image's width in radii")
     parser.add_argument("--rounds", type=int, default=25)
     options = parser.parse_args()
     mesh = icosphere(options.levels)
-    camera = ds.OrthographicCamera(options.size, options.size, options.extent)
+    camera = ds.OrthographicCamera(options.size, options.size, EXTENT)
     print(
         f"{mesh.faces.shape[0]} triangles, {options.size} x {options.size} pixels, of which"
         f" {ds.gbuffer(mesh, camera).pixel_count} see the mesh; {processors()} cores, load"
         f" {os.getloadavg()[0]:.1f}"
     )
     turns = measured(mesh, camera) | others(mesh, camera)
-    print("\n" + table(turns, options.rounds))
+    print("\n" + table(in_turn(turns, options.rounds)))
 
 
 if __name__ == "__main__":

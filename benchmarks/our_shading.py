@@ -13,7 +13,7 @@ from diffshade.shading.image import image_planes
 from diffshade.shading.kept_geometry import KeptGeometry
 from diffshade.vector import Vec3
 
-__all__ = ["forward", "gradient", "prepared"]
+__all__ = ["forward", "gradient", "more", "prepared"]
 
 
 def prepared(
@@ -59,24 +59,14 @@ def gradient(
     eye: np.ndarray,
     scene: dict[str, Any],
     target: np.ndarray,
-    kept: bool = False,
 ) -> Callable[[], tuple[float, np.ndarray]]:
-    """The loss and its 13 derivatives; `kept`: the geometry is kept from call to call."""
+    """The loss and its 13 derivatives."""
     gbuffer, lit, material = prepared(points, normals, eye, scene)
-    surface = ds.keep_geometry(gbuffer, lit, material) if kept else gbuffer
-    observed = jnp.asarray(target)
-    law = lit.lights[0].attenuation
-
-    def loss(moving: Any, surface: Any, lit: ds.Scene, observed: jax.Array) -> jax.Array:
-        material, law = moving
-        lights = tuple(ds.PointLight(x.position, x.intensity, law) for x in lit.lights)
-        under = ds.Scene(lit.ambient, lights)
-        return ds.mean_squared_error(surface, under, material, observed)
-
-    step = jax.jit(jax.value_and_grad(loss), compiler_options=ds.compiler_options())
+    step = _step(gbuffer, lit, material, target, {"material", "law"})
 
     def call() -> tuple[float, np.ndarray]:
-        value, (by_material, by_law) = step((material, law), surface, lit, observed)
+        value, by = step()
+        by_material, by_law = by["material"], by["law"]
         by_law = ds.QuadraticAttenuation(0.0, 0.0, 0.0) if by_law is None else by_law
         lobe = by_material.specular[0]
         parts = (by_material.ka, by_material.kd, lobe.ks, lobe.shininess[None])
@@ -84,3 +74,61 @@ def gradient(
         return float(value), np.concatenate([*parts, constants])
 
     return call
+
+
+def more(
+    points: np.ndarray,
+    normals: np.ndarray,
+    eye: np.ndarray,
+    scene: dict[str, Any],
+    target: np.ndarray,
+) -> dict[str, Callable[[], Any]]:
+    """The same with the geometry kept, and gradients of more than the coefficients."""
+    gbuffer, lit, material = prepared(points, normals, eye, scene)
+    kept = ds.keep_geometry(gbuffer, lit, material)
+    coefficients = {"material", "law"}
+    return {
+        "gradient, geometry kept": _step(kept, lit, material, target, coefficients),
+        "gradient, and of colours": _step(
+            gbuffer, lit, material, target, coefficients | {"intensities"}
+        ),
+        "gradient, and of colours and positions": _step(
+            gbuffer, lit, material, target, coefficients | {"intensities", "positions"}
+        ),
+        "gradient of everything": _step(
+            gbuffer, lit, material, target, coefficients | {"intensities", "positions", "surface"}
+        ),
+    }
+
+
+def _step(
+    surface: ds.GBuffer | ds.KeptGeometry,
+    lit: ds.Scene,
+    material: ds.Material,
+    target: np.ndarray,
+    moving: set[str],
+) -> Callable[[], tuple[jax.Array, dict[str, Any]]]:
+    """The loss and its derivatives in what is named."""
+    every: dict[str, Any] = {
+        "material": material,
+        "law": lit.lights[0].attenuation,
+        "intensities": [x.intensity for x in lit.lights],
+        "positions": [x.position for x in lit.lights],
+        "surface": surface,
+        "ambient": lit.ambient,
+        "observed": jnp.asarray(target),
+    }
+
+    def loss(moved: dict[str, Any], held: dict[str, Any]) -> jax.Array:
+        x = moved | held
+        lights = tuple(
+            ds.PointLight(position, intensity, x["law"])
+            for position, intensity in zip(x["positions"], x["intensities"], strict=True)
+        )
+        under = ds.Scene(x["ambient"], lights)
+        return ds.mean_squared_error(x["surface"], under, x["material"], x["observed"])
+
+    step = jax.jit(jax.value_and_grad(loss, allow_int=True), compiler_options=ds.compiler_options())
+    moved = {name: every[name] for name in every if name in moving}
+    held = {name: every[name] for name in every if name not in moving}
+    return lambda: jax.block_until_ready(step(moved, held))

@@ -1,23 +1,25 @@
-"""Run time against error, one mark a fit, from the results of `benchmarks.fitting speed`."""
+"""Error against run time, drawn from what groups of the suite measure (the extra `notebook`)."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-__all__ = ["run_time_against_error"]
+__all__ = ["DRAWN", "of_fits", "of_shading"]
 
 SMALLEST = 1e-12
 """Errors below, zero among them, are drawn here."""
+MARKERS = "osD^vPX*"
 
 
-def run_time_against_error(speed: dict[str, Any], file: Path) -> None:
+def of_fits(speed: dict[str, Any], file: Path) -> None:
     """Each method's median time on each truth and its error there, both logarithmic, as a PNG."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.subplots()
-    for name, marker in zip(speed["seconds"], "osD^vPX*", strict=False):
+    for name, marker in zip(speed["seconds"], MARKERS, strict=False):
         errors = np.maximum(speed["errors"][name], SMALLEST)
         rounds = np.reshape(speed["seconds"][name], (-1, len(errors)))
         axes.scatter(1e3 * np.median(rounds, axis=0), errors, marker=marker, label=name)
@@ -32,3 +34,29 @@ def run_time_against_error(speed: dict[str, Any], file: Path) -> None:
     axes.legend()
     axes.grid(which="major", color="0.9")
     figure.savefig(file, dpi=150)
+
+
+def of_shading(curves: dict[str, Any], file: Path) -> None:
+    """One picture a question, one curve a way, with what changes along it written at its points."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 9), layout="constrained")
+    for axes, (title, ways) in zip(figure.subplots(2, 2).flat, curves.items(), strict=True):
+        for (name, points), marker in zip(ways.items(), MARKERS, strict=False):
+            labels, milliseconds, errors = zip(*points, strict=True)
+            shown = np.maximum(errors, SMALLEST)
+            axes.plot(milliseconds, shown, marker=marker, linewidth=1, label=name)
+            for label, x, y in zip(labels, milliseconds, shown, strict=True):
+                axes.annotate(label, (x, y), fontsize=7, xytext=(4, 4), textcoords="offset points")
+        axes.set(
+            xscale="log", yscale="log", xlabel="run time, milliseconds", ylabel="error", title=title
+        )
+        axes.legend(fontsize=8)
+        axes.grid(which="major", color="0.9")
+    figure.savefig(file, dpi=110)
+
+
+DRAWN: dict[str, Callable[[dict[str, Any], Path], None]] = {
+    "fit-speed": of_fits,
+    "trade-offs": of_shading,
+}

@@ -11,16 +11,17 @@ name one rival a run: pools of threads that wait for work by spinning slow down 
 import argparse
 import importlib
 import os
-import statistics
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from benchmarks.figures import Figure, ask, in_turn, median, paired_ratio
 from diffshade.fusion import processors
 
-__all__ = ["RIVALS", "exact", "threads"]
+__all__ = ["RIVALS", "exact", "figures", "run", "threads"]
 
 RIVALS = {
     "diffshade": "benchmarks.our_shading",
@@ -28,6 +29,39 @@ RIVALS = {
     "torch": "benchmarks.torch_shading",
     "drjit": "benchmarks.drjit_shading",
     "mitsuba": "benchmarks.mitsuba_shading",
+}
+OURS, FORWARD, GRADIENT = "diffshade", "forward", "gradient"
+CASES = {
+    f"{lights} lights, {'RGB' if coloured else 'one colour'}": {
+        "lights": lights,
+        "coloured": coloured,
+    }
+    for lights in (4, 16)
+    for coloured in (False, True)
+}
+MOST = {
+    ("4 lights, one colour", FORWARD, "ceiling"): 1.2,
+    ("4 lights, RGB", FORWARD, "ceiling"): 2.2,
+    ("16 lights, one colour", FORWARD, "ceiling"): 0.9,
+    ("16 lights, RGB", FORWARD, "ceiling"): 1.9,
+    ("4 lights, one colour", GRADIENT, "ceiling"): 1.7,
+    ("4 lights, RGB", GRADIENT, "ceiling"): 2.1,
+    ("4 lights, one colour", FORWARD, "torch"): 1.0,
+    ("4 lights, one colour", FORWARD, "drjit"): 1.0,
+    ("4 lights, RGB", FORWARD, "torch"): 1.4,
+    ("4 lights, RGB", FORWARD, "drjit"): 1.4,
+    (GRADIENT, "torch"): 0.67,
+    (GRADIENT, "drjit"): 0.67,
+}
+"""Times ours may take of a rival's."""
+MORE = {
+    "4 lights, one colour": {"gradient, geometry kept": 1.2},
+    "4 lights, RGB": {
+        "gradient, geometry kept": 1.6,
+        "gradient, and of colours": 2.7,
+        "gradient, and of colours and positions": 4.3,
+        "gradient of everything": 5.6,
+    },
 }
 EYE = np.array([0.0, 0.0, 6.0])
 
@@ -80,22 +114,108 @@ def exact(
     return image, float((e**2).mean()), 2 * slope / e.size
 
 
-def _seconds(calls: list[Callable[[], Any]], rounds: int) -> list[list[float]]:
-    """Each call once a round, in turn."""
-    times: list[list[float]] = [[] for _ in calls]
-    for _ in range(rounds):
-        for seen, call in zip(times, calls, strict=True):
-            started = time.perf_counter()
-            call()
-            seen.append(time.perf_counter() - started)
-    return times
+def measure(
+    names: list[str], lights: int, coloured: bool, size: int, rounds: int
+) -> dict[str, Any]:
+    """Of each rival that is installed, seconds and errors; of ours, other gradients too."""
+    from benchmarks import numpy_shading
+    from benchmarks.scenes import Case, numbers
+
+    single, _ = numpy_shading.points(size, 2.0, np.float32)
+    points = np.ascontiguousarray(single.T)
+    scene = numbers(Case(size=size, lights=lights, coloured=coloured))
+    image, *_ = exact(points, points, EYE, scene)
+    target = (0.9 * image).astype(np.float32)
+    _, loss, slope = exact(points, points, EYE, scene, target)
+    calls: dict[str, Callable[[], Any]] = {}
+    errors, absent = {}, {}
+    for name in names:
+        try:
+            module = importlib.import_module(RIVALS[name])
+        except ImportError as missing:
+            absent[name] = str(missing)
+            continue
+        shade = module.forward(points, points, EYE, scene)
+        step = module.gradient(points, points, EYE, scene, target)
+        found_loss, found = step()
+        off = max(np.abs(found / slope - 1).max(), abs(found_loss / loss - 1))
+        errors[name] = [float(np.abs(np.asarray(shade()) - image).max()), float(off)]
+        calls |= {f"{name}: {FORWARD}": shade, f"{name}: {GRADIENT}": step}
+        for more, call in getattr(module, "more", lambda *_: {})(
+            points, points, EYE, scene, target
+        ).items():
+            calls[f"{name}: {more}"] = call
+    clock = time.process_time if threads() == 1 else time.perf_counter
+    seen = in_turn(calls, rounds, clock)
+    return {
+        "evaluations": points.shape[1] * lights,
+        "seconds": seen,
+        "errors": errors,
+        "absent": absent,
+    }
+
+
+def run(size: int = 512, rounds: int = 40) -> dict[str, Any]:
+    """Each number of lights in a process of its own, on one core."""
+    found = {
+        kind: ask("rivals", cores=1, names=list(RIVALS), size=size, rounds=rounds, **case)
+        for kind, case in CASES.items()
+    }
+    for name, why in next(iter(found.values()))["absent"].items():
+        print(f"without {name}: {why}", file=sys.stderr)
+    return found
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
+    """Ratios of ours to the others', and errors."""
+    rows = []
+    for kind, found in results.items():
+        seen = found["seconds"]
+        for name in found["errors"]:
+            if name != OURS:
+                rows += [
+                    Figure(
+                        f"{kind}: {what} over {name}",
+                        paired_ratio(seen[f"{OURS}: {what}"], seen[f"{name}: {what}"]),
+                        most=MOST.get((kind, what, name), MOST.get((what, name))),
+                    )
+                    for what in (FORWARD, GRADIENT)
+                ]
+        if f"ceiling: {GRADIENT}" in seen:
+            rows += [
+                Figure(
+                    f"{kind}: {what.removeprefix(f'{OURS}: ')} over the ceiling's gradient",
+                    paired_ratio(times, seen[f"ceiling: {GRADIENT}"]),
+                    most=MORE.get(kind, {}).get(what.removeprefix(f"{OURS}: ")),
+                )
+                for what, times in seen.items()
+                if what.startswith(OURS) and not what.endswith((FORWARD, GRADIENT))
+            ]
+        forward, gradient = found["errors"][OURS]
+        rows += [
+            Figure(f"{kind}: error", forward, tolerance=0.5),
+            Figure(f"{kind}: error of the gradient, relative", gradient, tolerance=0.5),
+        ]
+    return rows
+
+
+def table(kind: str, results: dict[str, Any]) -> str:
+    """A row for each rival and each further gradient of ours."""
+    scale = 1e9 / results["evaluations"]
+    cells = {
+        name: f"{scale * median(times):.2f} ({scale * min(times):.2f})"
+        for name, times in results["seconds"].items()
+    }
+    rows = []
+    for name, (error, error_of_slope) in results["errors"].items():
+        times = f"{cells.pop(f'{name}: {FORWARD}')} | {cells.pop(f'{name}: {GRADIENT}')}"
+        rows.append(f"| {kind} | {name} | {times} | {error:.1e} | {error_of_slope:.1e} |")
+    rows += [f"| {kind} | {name} | - | {cell} | - | - |" for name, cell in cells.items()]
+    return "\n".join(rows)
 
 
 def main() -> None:
     """Check and time, and print a table."""
-    from benchmarks import numpy_shading
-    from benchmarks.scenes import Case, numbers
-
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
@@ -104,43 +224,16 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--rounds", type=int, default=40)
     options = parser.parse_args()
-    modules = {}
-    for name in options.names or RIVALS:
-        try:
-            modules[name] = importlib.import_module(RIVALS[name])
-        except ImportError as missing:
-            print(f"{name}: {missing}")
-    single, _ = numpy_shading.points(options.size, 2.0, np.float32)
-    points = np.ascontiguousarray(single.T)
-    print(f"{threads()} threads, {points.shape[1]} pixels; median (least) of {options.rounds}\n")
+    print(f"{threads()} threads; median (least) of {options.rounds}\n")
     print("| lights | rival | forward | gradient | error | error of the gradient |")
     print("|---|---|---|---|---|---|")
     for lights in options.lights:
         for coloured in (False, True):
-            scene = numbers(Case(size=options.size, lights=lights, coloured=coloured))
-            image, *_ = exact(points, points, EYE, scene)
-            target = (0.9 * image).astype(np.float32)
-            _, loss, slope = exact(points, points, EYE, scene, target)
-            calls: list[Callable[[], Any]] = []
-            errors = []
-            for module in modules.values():
-                shade = module.forward(points, points, EYE, scene)
-                step = module.gradient(points, points, EYE, scene, target)
-                found_loss, found = step()
-                errors.append(
-                    (
-                        np.abs(np.asarray(shade()) - image).max(),
-                        max(np.abs(found / slope - 1).max(), abs(found_loss / loss - 1)),
-                    )
-                )
-                calls += [shade, step]
-            seen = _seconds(calls, options.rounds)
-            scale = 1e9 / points.shape[1] / lights
-            cells = [f"{scale * statistics.median(t):.2f} ({scale * min(t):.2f})" for t in seen]
-            kind = f"{lights}, {'RGB' if coloured else 'one colour'}"
-            for k, (name, (error, error_of_slope)) in enumerate(zip(modules, errors, strict=True)):
-                times = " | ".join(cells[2 * k : 2 * k + 2])
-                print(f"| {kind} | {name} | {times} | {error:.1e} | {error_of_slope:.1e} |")
+            names = options.names or list(RIVALS)
+            found = measure(names, lights, coloured, options.size, options.rounds)
+            print(table(f"{lights}, {'RGB' if coloured else 'one colour'}", found), flush=True)
+    for name, why in found["absent"].items():
+        print(f"\n{name}: {why}")
 
 
 if __name__ == "__main__":

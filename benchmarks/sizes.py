@@ -18,8 +18,9 @@ import numpy as np
 
 import diffshade as ds
 import fitting
+from benchmarks.figures import Figure, ask
 
-__all__ = ["table"]
+__all__ = ["figures", "run"]
 
 SCENE = ds.Scene(
     ambient=0.3,
@@ -111,6 +112,29 @@ def table(count: int, without: int) -> list[str]:
     photographs = [(g, np.array(ds.render(g, SCENE, MATERIAL))) for g, *_ in each]
     fits = called(fitted, photographs)
     return [*rows, f"| fitting.fit | {fits.programs} | {fits.seconds / count:.4f} | | |"]
+
+
+def measure(count: int) -> dict[str, int]:
+    """Programs of each function over so many sizes."""
+    geometry = Count()
+    each = surfaces(count, geometry)
+    found = {"gbuffer": geometry.programs}
+    found |= {name: called(function, each).programs for name, function in CALLS.items()}
+    photographs = [(g, np.array(ds.render(g, SCENE, MATERIAL))) for g, *_ in each]
+    return found | {"fitting.fit": called(fitted, photographs).programs}
+
+
+def run(count: int = 100) -> dict[str, Any]:
+    """In a process of its own."""
+    return ask("sizes", count=count)
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
+    """Counts, which do not vary: no more than the buckets that the sizes fall into."""
+    return [
+        Figure(f"{name}: programs for a hundred sizes", programs, most=14, tolerance=0)
+        for name, programs in results.items()
+    ]
 
 
 def main() -> None:

@@ -8,7 +8,6 @@ over the rounds. A case is a row of `cases`: what it is called, what it is compa
 
 import argparse
 import os
-import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import diffshade as ds
+from benchmarks.figures import Figure, ask, in_turn, median, paired_ratio
 from benchmarks.mesh import icosphere
 from benchmarks.scenes import Case as Ball
 from benchmarks.scenes import ours
@@ -27,7 +27,7 @@ from diffshade.fusion import processors
 from diffshade.shading.image import image_planes
 from diffshade.shading.kept_geometry import KeptGeometry
 
-__all__ = ["Case", "cases", "table"]
+__all__ = ["Case", "cases", "figures", "run"]
 
 
 class Case(NamedTuple):
@@ -41,7 +41,9 @@ class Case(NamedTuple):
 WHOLE = "the whole: 4 RGB point lights, attenuation, ambient, diffuse, Phong"
 GRADIENT = "gradient of the squared error in all 13 coefficients"
 PIXELS = "a mesh shaded once a pixel (Phong)"
+KEPT = "basis kept"
 FULL = "no background: every pixel is shaded"
+MOST = {KEPT: 0.15}
 
 
 def cases(size: int) -> Iterator[Case]:
@@ -88,7 +90,7 @@ def cases(size: int) -> Iterator[Case]:
     kept = ds.keep_geometry(gbuffer, scene, material)
     yield Case("geometry kept", WHOLE, shaded(kept, scene, material))
     contract = jitted(ds.contract)
-    yield Case("basis kept", WHOLE, partial(contract, ds.basis(gbuffer, scene, material), material))
+    yield Case(KEPT, WHOLE, partial(contract, ds.basis(gbuffer, scene, material), material))
 
     # Coefficients that a gradient is not asked for
     observed = 0.9 * jnp.stack(shaded(gbuffer, scene, material)())
@@ -152,22 +154,40 @@ def gradient(
     return partial(jitted(jax.value_and_grad(loss)), moving, held, surface, observed)
 
 
-def table(rows: tuple[Case, ...], rounds: int) -> str:
+def measure(size: int, rounds: int) -> dict[str, Any]:
+    """CPU seconds of each case, and what it is compared with."""
+    rows = tuple(cases(size))
+    seen = in_turn({case.name: case.call for case in rows}, rounds, time.process_time)
+    return {case.name: {"seconds": seen[case.name], "against": case.against} for case in rows}
+
+
+def run(size: int = 512, rounds: int = 25) -> dict[str, Any]:
+    """In a process of its own, on one core."""
+    return ask("skipping", cores=1, size=size, rounds=rounds)
+
+
+def ratio(results: dict[str, Any], name: str) -> float:
+    """Of a case to the one that it is compared with."""
+    found = results[name]
+    return paired_ratio(found["seconds"], results[found["against"]]["seconds"])
+
+
+def figures(results: dict[str, Any]) -> list[Figure]:
+    """The ratios."""
+    return [
+        Figure(f"{name}, over: {found['against']}", ratio(results, name), most=MOST.get(name))
+        for name, found in results.items()
+        if name != found["against"]
+    ]
+
+
+def table(results: dict[str, Any]) -> str:
     """CPU time and its ratio to that of the case compared with, as Markdown."""
-    for case in rows:
-        case.call()  # compiles
-    seen: dict[str, list[float]] = {case.name: [] for case in rows}
-    for _ in range(rounds):
-        for case in rows:
-            before = time.process_time()
-            case.call()
-            seen[case.name].append(time.process_time() - before)
     lines = ["| | ms | over the whole |", "|---|---|---|"]
-    for case in rows:
-        pairs = zip(seen[case.name], seen[case.against], strict=True)
-        ratio = statistics.median(own / whole for own, whole in pairs)
-        name = f"**{case.name}**" if case.name == case.against else case.name
-        lines.append(f"| {name} | {1e3 * statistics.median(seen[case.name]):.2f} | {ratio:.2f} |")
+    for name, found in results.items():
+        shown = f"**{name}**" if name == found["against"] else name
+        times = f"{1e3 * median(found['seconds']):.2f}"
+        lines.append(f"| {shown} | {times} | {ratio(results, name):.2f} |")
     return "\n".join(lines)
 
 
@@ -185,7 +205,7 @@ def main() -> None:
         f"{options.size} x {options.size}, JAX {jax.__version__}, load {os.getloadavg()[0]:.1f};"
         " each row is compared with the bold one above it, or with the first\n"
     )
-    print(table(tuple(cases(options.size)), options.rounds))
+    print(table(measure(options.size, options.rounds)))
 
 
 if __name__ == "__main__":
