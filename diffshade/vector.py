@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from diffshade import guard
 
-__all__ = ["Vec3", "cross", "dot", "halfway", "length", "reflect", "unit"]
+__all__ = ["Vec3", "cross", "dot", "halfway", "length", "reflect", "unit", "versine"]
 
 Plane = Float[Array, "..."]
 
@@ -84,3 +84,9 @@ def reflect(l: Vec3, n: Vec3) -> Vec3:
 def halfway(l: Vec3, v: Vec3) -> Vec3:
     """Unit vector halfway between l and v (Blinn 1977); zero, with derivative 0, where l = -v."""
     return unit(l + v)
+
+
+def versine(a: Vec3, b: Vec3) -> Plane:
+    """1 - a.b = |a - b|^2 / 2 of unit vectors: exact where they meet, and their lengths hardly matter."""
+    between = a - b
+    return 0.5 * dot(between, between)

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float, Int
 
 from diffshade.arrays import ArrayLike, optional, vector
@@ -46,7 +47,9 @@ class Frame(NamedTuple):
         self, index: Int[Array, "P"], dtype: jnp.dtype
     ) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
         """Pixel centres from the image's centre, in sides: to the right, and upwards."""
-        row, column = jnp.divmod(index, jnp.asarray(self.width, index.dtype))
+        across = jnp.asarray(self.width, index.dtype)
+        row = lax.div(index, across)  # numbers are not negative, which jnp.divmod cannot know
+        column = index - row * across
         width, height, side = (jnp.asarray(size, dtype) for size in self)
         x = column.astype(dtype) + (0.5 - width / 2)
         y = (height / 2 - 0.5) - row.astype(dtype)

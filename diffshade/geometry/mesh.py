@@ -1,6 +1,6 @@
 """The triangle mesh."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -50,6 +50,7 @@ class Mesh(AbstractSurface):
     slot: Int[Array, "F"] | None = eqx.field(converter=optional(indices("slot")), default=None)
     materials: tuple[Any, ...] = ()
     weights: Weights = eqx.field(static=True, kw_only=True, default=area_weights)
+    follows_rays: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
         if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:

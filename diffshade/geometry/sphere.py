@@ -1,5 +1,8 @@
 """The analytic sphere (LIGHT-14 to LIGHT-16), for any camera."""
 
+from functools import partial
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -32,37 +35,41 @@ class Sphere(AbstractSurface):
         converter=vector("the sphere's center"), default=(0.0, 0.0, 0.0)
     )
     radius: Float[Array, ""] = eqx.field(converter=number("the sphere's radius"), default=1.0)
+    follows_rays: ClassVar[bool] = True
 
     def visibility(self, camera: AbstractCamera) -> Visibility:
         if not float(self.radius) > 0:
             raise BadInput(f"the sphere's radius is {float(self.radius):g}: it must be above 0")
         count = camera.width * camera.height
-        seen = np.asarray(_sees(self, camera.unframed(), camera.frame, bucket(count)))[:count]
+        with jax.enable_x64(True):  # the outline is that of the numbers given, not of roundings
+            exact = jax.tree.map(partial(np.asarray, dtype=np.float64), (self, camera.unframed()))
+            seen = np.asarray(_sees(*exact, camera.frame, bucket(count)))[:count]
         # Converted on the host: JAX would compile that for every number of pixels.
         index = np.flatnonzero(seen).astype(np.int32)
         return Visibility((camera.height, camera.width), jax.device_put(index))
 
     def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
-        origin, direction = rays
-        along, depth_squared = self._closest(rays)
+        _, across, depth_squared = self._closest(rays)
         # LIGHT-15: z = sqrt(r^2 - dx^2 - dy^2), measured back along the ray from its closest point
         # to the centre. Its derivative on the outline, where z = 0, is infinite; here it is 0 there.
-        position = origin + direction * (along - guard.sqrt(depth_squared))
-        normal = (position - Vec3.from_array(self.center)) * (1 / self.radius)  # LIGHT-16
-        return position, normal
+        normal = (across - rays.direction * guard.sqrt(depth_squared)) * (1 / self.radius)
+        # LIGHT-16, the other way round: from the eye, which may be far, rounding would be larger.
+        return Vec3.from_array(self.center) + normal * self.radius, normal
 
-    def _closest(self, rays: Rays) -> tuple[Float[Array, "P"], Float[Array, "P"]]:
-        """Of each ray, where it passes closest to the centre, and the z^2 of LIGHT-15 there."""
+    def _closest(self, rays: Rays) -> tuple[Float[Array, "P"], Vec3, Float[Array, "P"]]:
+        """Of each ray, where it passes closest to the centre, that point from there, and z^2 there."""
         origin, direction = rays
-        to_centre = Vec3.from_array(self.center) - origin
-        along = dot(to_centre, direction)
-        across = to_centre - direction * along
-        return along, self.radius**2 - dot(across, across)
+        from_centre = origin - Vec3.from_array(self.center)
+        along = -dot(from_centre, direction)
+        near = from_centre + direction * along
+        # A direction is a unit vector to rounding, which far away shows: near is not quite across.
+        across = near - direction * dot(near, direction)
+        return along, across, self.radius**2 - dot(across, across)
 
 
 @jax.jit(static_argnames="count")
 def _sees(sphere: Sphere, camera: AbstractCamera, frame: Frame, count: int) -> Bool[Array, "N"]:
     pixels = frame.points(jnp.arange(count, dtype=jnp.int32), camera.up.dtype)
-    along, depth_squared = sphere._closest(camera.through(*pixels))
+    along, _, depth_squared = sphere._closest(camera.through(*pixels))
     in_front = camera.position is None or along - guard.sqrt(depth_squared) > 0
     return (depth_squared >= 0) & in_front

@@ -35,7 +35,13 @@ class Visibility(eqx.Module):
 
 
 class AbstractSurface(eqx.Module):
-    """A surface that can be seen."""
+    """A surface that can be seen.
+
+    `follows_rays` says that `points` follows the pixels' rays to it, rather than find their points by
+    what is known of the visible pixels.
+    """
+
+    follows_rays: eqx.AbstractClassVar[bool]
 
     @abstractmethod
     def visibility(self, camera: AbstractCamera) -> Visibility:

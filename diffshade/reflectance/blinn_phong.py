@@ -11,7 +11,7 @@ from diffshade.arrays import coefficients, positive
 from diffshade.bounds import Cone, largest_cosine, smallest_cosine
 from diffshade.channels import channels
 from diffshade.reflectance.lobe import AbstractLobe
-from diffshade.vector import Vec3, dot, halfway
+from diffshade.vector import Vec3, dot, halfway, versine
 
 __all__ = ["BlinnPhong", "blinn_phong"]
 
@@ -25,12 +25,14 @@ def blinn_phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> 
     the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
     jumps to 0.
     """
-    return guard.power(_cosine(n, l, v, n_dot_l), shininess)
+    return guard.power_of_log(log_cosine(n, l, v, n_dot_l), shininess)
 
 
-def _cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
-    """n.h, and 0 where the light is behind the surface."""
-    return jnp.where(n_dot_l <= 0, 0, dot(n, halfway(l, v)))
+def log_cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+    """log(n.h), and minus infinity where the lobe is dark: the light behind the surface, or no h."""
+    h = halfway(l, v)
+    dark = (n_dot_l <= 0) | (dot(h, h) == 0)
+    return guard.log_one_minus(jnp.where(dark, 1, versine(n, h)))
 
 
 class BlinnPhong(AbstractLobe):
@@ -51,7 +53,7 @@ class BlinnPhong(AbstractLobe):
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(n.h), minus infinity where the lobe is dark."""
-        return guard.log_base(_cosine(n, l, v, n_dot_l))
+        return log_cosine(n, l, v, n_dot_l)
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))

@@ -11,9 +11,9 @@ from diffshade.arrays import coefficients, positive
 from diffshade.bounds import Cone, largest_cosine, reflected
 from diffshade.channels import channels
 from diffshade.reflectance.lobe import AbstractLobe
-from diffshade.vector import Vec3, dot, reflect
+from diffshade.vector import Vec3, dot, reflect, versine
 
-__all__ = ["Phong", "phong"]
+__all__ = ["Phong", "log_cosine", "phong"]
 
 Plane = Float[Array, "..."]
 
@@ -25,12 +25,13 @@ def phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
     the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
     jumps to 0.
     """
-    return guard.power(_cosine(n, l, v, n_dot_l), shininess)
+    return guard.power_of_log(log_cosine(n, l, v, n_dot_l), shininess)
 
 
-def _cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
-    """r.v, and 0 where the light is behind the surface."""
-    return jnp.where(n_dot_l <= 0, 0, dot(reflect(l, n), v))
+def log_cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+    """log(r.v), and minus infinity where the lobe is dark: the light behind the surface, or no view."""
+    dark = (n_dot_l <= 0) | (dot(v, v) == 0)
+    return guard.log_one_minus(jnp.where(dark, 1, versine(reflect(l, n), v)))
 
 
 class Phong(AbstractLobe):
@@ -50,7 +51,7 @@ class Phong(AbstractLobe):
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(r.v), minus infinity where the lobe is dark."""
-        return guard.log_base(_cosine(n, l, v, n_dot_l))
+        return log_cosine(n, l, v, n_dot_l)
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))
