@@ -101,7 +101,7 @@ def _(y: Plane, planes: Any, tangents: Any) -> Plane:
 def log_one_minus(q: Plane) -> Plane:
     """log(1 - q) for q >= 0, to rounding however small q is; minus infinity where q >= 1.
 
-    JAX's ``log1p`` takes twice as long. What rounding takes from 1 - q is known exactly where it
+    JAX's ``log1p`` is as exact and slower. What rounding takes from 1 - q is known exactly where it
     matters, and is small against it elsewhere.
     """
     rest = 1 - q

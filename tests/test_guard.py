@@ -1,12 +1,16 @@
 """Every singularity: the value where it is finite, the stated one where it is not, both ways finite."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from diffshade import guard
-from diffshade.vector import Vec3, unit
+from diffshade.reflectance.blinn_phong import blinn_phong
+from diffshade.reflectance.phong import phong
+from diffshade.vector import Vec3, dot, unit
 
 TINY = {
     "positive": (0.0, -1.0),
@@ -64,6 +68,35 @@ def test_power_is_the_power(tolerance: float) -> None:
     )
     np.testing.assert_allclose(by_x, (n * x ** (n - 1)).ravel(), rtol=100 * tolerance, atol=1e-37)
     np.testing.assert_allclose(by_n, (x**n * np.log(x)).ravel(), rtol=100 * tolerance, atol=1e-37)
+
+
+def test_the_logarithm_of_what_is_left_of_one(tolerance: float) -> None:
+    """To rounding however small q is; minus infinity with derivative 0 from q = 1 on."""
+    q = jnp.asarray([0.0, 1e-30, 1e-9, 3e-8, 1e-4, 0.3, 0.9], float)
+    host = np.asarray(q, float)
+    np.testing.assert_allclose(guard.log_one_minus(q), np.log1p(-host), rtol=tolerance / 10)
+    slopes = jax.vmap(jax.grad(guard.log_one_minus))(q)
+    np.testing.assert_allclose(slopes, -1 / (1 - host), rtol=tolerance / 10)
+    for dark in (1.0, 1.5):
+        at = jnp.asarray(dark, float)
+        assert guard.log_one_minus(at) == -jnp.inf
+        assert jax.grad(guard.log_one_minus)(at) == 0
+        assert jax.hessian(guard.log_one_minus)(at) == 0
+
+
+@pytest.mark.parametrize("lobe", [phong, blinn_phong])
+@pytest.mark.parametrize("n", [0.0, 0.5, 1.0, 1e5])
+def test_a_lobe_of_no_direction_is_dark(lobe: Any, n: float) -> None:
+    """An eye at the surface, for Phong; light and view that cancel, for Blinn-Phong."""
+    up, along = Vec3(*jnp.eye(3)[2]), Vec3(*jnp.asarray([0.6, 0.0, 0.8]))
+    view = Vec3(*jnp.zeros(3)) if lobe is phong else -along
+
+    def shade(l: Vec3, v: Vec3) -> jax.Array:
+        return lobe(up, l, v, dot(up, l), jnp.asarray(n, float))
+
+    assert shade(along, view) == 0
+    for slope in jax.tree.leaves(jax.grad(shade, argnums=(0, 1))(along, view)):
+        assert slope == 0
 
 
 def test_short_vectors_have_finite_derivatives() -> None:

@@ -19,16 +19,17 @@ Plane = Float[Array, "..."]
 
 
 def blinn_phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
-    """max(0, n.h)^shininess with h = (l + v)/|l + v|, and 0 where n.l <= 0.
+    """max(0, n.h)^shininess with h = (l + v)/|l + v|, and 0 where n.l <= 0 or l = -v.
 
-    n, l, v are unit vectors away from the surface; shininess >= 0. Not smooth where n.h = 0, where
-    the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
-    jumps to 0.
+    n, l, v are unit vectors away from the surface; shininess >= 0. n.h is 1 - |n - h|^2 / 2, so that
+    a narrow lobe loses nothing to rounding; the derivative is that, exact along the unit sphere.
+    Not smooth where n.h = 0, where the derivative is taken from the dark side (0), and at the
+    terminator n.l = 0, where the lobe jumps to 0.
     """
-    return guard.power_of_log(log_cosine(n, l, v, n_dot_l), shininess)
+    return guard.power_of_log(_log_cosine(n, l, v, n_dot_l), shininess)
 
 
-def log_cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+def _log_cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
     """log(n.h), and minus infinity where the lobe is dark: the light behind the surface, or no h."""
     h = halfway(l, v)
     dark = (n_dot_l <= 0) | (dot(h, h) == 0)
@@ -53,7 +54,7 @@ class BlinnPhong(AbstractLobe):
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(n.h), minus infinity where the lobe is dark."""
-        return log_cosine(n, l, v, n_dot_l)
+        return _log_cosine(n, l, v, n_dot_l)
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))

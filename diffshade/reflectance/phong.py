@@ -19,11 +19,12 @@ Plane = Float[Array, "..."]
 
 
 def phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
-    """max(0, r.v)^shininess with r = 2 (n.l) n - l (LIGHT-5, 6, 10), and 0 where n.l <= 0.
+    """max(0, r.v)^shininess with r = 2 (n.l) n - l (LIGHT-5, 6, 10), and 0 where n.l <= 0 or v = 0.
 
-    n, l, v are unit vectors away from the surface; shininess >= 0. Not smooth where r.v = 0, where
-    the derivative is taken from the dark side (0), and at the terminator n.l = 0, where the lobe
-    jumps to 0.
+    n, l, v are unit vectors away from the surface; shininess >= 0. r.v is 1 - |r - v|^2 / 2, so that
+    a narrow lobe loses nothing to rounding; the derivative is that, exact along the unit sphere.
+    Not smooth where r.v = 0, where the derivative is taken from the dark side (0), and at the
+    terminator n.l = 0, where the lobe jumps to 0.
     """
     return guard.power_of_log(log_cosine(n, l, v, n_dot_l), shininess)
 
