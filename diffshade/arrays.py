@@ -45,13 +45,17 @@ def floats(name: str) -> Callable[[ArrayLike], Float[Array, "..."]]:
             host = host if host.dtype in (np.float32, np.float64) else host.astype(np.float64)
         except (TypeError, ValueError):
             raise BadInput(f"{name} is {value!r}: give a number or a sequence of numbers") from None
-        if not np.isfinite(host).all():
-            raise BadInput(f"{name} is {_brief(host)}: every number must be finite")
         # An array keeps its precision as far as JAX's 64-bit mode allows; plain numbers have the
         # default one.
-        dtype = host.dtype if isinstance(value, np.ndarray) else float
+        dtype = jax.dtypes.canonicalize_dtype(
+            host.dtype if isinstance(value, np.ndarray) else float
+        )
+        with np.errstate(over="ignore"):
+            rounded = host.astype(dtype)
+        if not np.isfinite(rounded).all():
+            raise BadInput(f"{name} is {_brief(host)}: every number must be finite, in {dtype} too")
         with jax.ensure_compile_time_eval():  # a value inside jit too, not a tracer
-            return jax.device_put(host.astype(jax.dtypes.canonicalize_dtype(dtype)))
+            return jax.device_put(rounded)
 
     return convert
 

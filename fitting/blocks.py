@@ -7,18 +7,15 @@ block. Every file appears whole or not at all.
 import hashlib
 import json
 import os
-import secrets
-import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import jax
 import numpy as np
 
 from diffshade.errors import BadInput
+from diffshade.io.atomic import TEMPORARY, replacing
 
 __all__ = ["Arrays", "Folder", "Progress", "fingerprint", "in_blocks"]
 
@@ -91,6 +88,8 @@ def _opened(folder: Path, inputs: str, count: int) -> Path:
                 f"{folder}: this folder holds blocks of other images, scenes or options; choose"
                 " another, or remove it to start again"
             )
+        for left in folder.glob(TEMPORARY.format("*")):  # by a process that was killed
+            left.unlink(missing_ok=True)
         return folder
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -98,12 +97,12 @@ def _opened(folder: Path, inputs: str, count: int) -> Path:
             raise BadInput(
                 f"{folder}: this folder holds other files; choose an empty one, or a new name"
             )
-        with _replacing(path) as temporary:
-            temporary.write_text(json.dumps(index))
     except OSError as error:
         raise BadInput(
             f"{folder}: cannot be written ({error.strerror or error}); choose another place"
         ) from None
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(index))
     return folder
 
 
@@ -112,28 +111,12 @@ def _read(path: Path) -> Arrays | None:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return dict(stored)
-    except (OSError, EOFError, ValueError, BadZipFile, zlib.error):
+    except Exception:  # NumPy and zipfile raise types of many kinds
         return None
 
 
 def _written(path: Path, arrays: Arrays) -> Arrays:
-    try:
-        with _replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
-    except OSError as error:
-        raise BadInput(
-            f"{path}: cannot be written ({error.strerror or error}); make room, and call again with"
-            " this folder to continue"
-        ) from None
+    remedy = "make room, and call again with this folder to continue"
+    with replacing(path, remedy=remedy) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
     return arrays
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A temporary path that takes the place of `path` when the block ends well."""
-    temporary = path.parent / f".{path.name}-{secrets.token_hex(8)}.tmp"
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -2,13 +2,10 @@
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
-from diffshade.errors import BadInput
-
-__all__ = ["WrongUsage", "naming", "note", "progress", "show", "to_text"]
+__all__ = ["WrongUsage", "note", "progress", "show", "to_text"]
 
 
 class WrongUsage(ValueError):
@@ -34,12 +31,3 @@ def show(document: Mapping[str, Any], report: str, *, as_json: bool) -> None:
 def to_text(document: Mapping[str, Any]) -> str:
     """A result as JSON, strictly: a NaN or an infinity in it is an error of this program."""
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
-
-
-@contextmanager
-def naming(path: object) -> Iterator[None]:
-    """Complaints of the library about values, which know no file, get the name of theirs."""
-    try:
-        yield
-    except BadInput as error:
-        raise BadInput(f"{path}: {error}") from None

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import naming, progress, show
-from diffshade.errors import BadInput
-from diffshade.io.toml_document import Table
+from diffshade.commands.console import progress, show
+from diffshade.errors import BadInput, naming
+from diffshade.io.json_document import read_json
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -23,14 +22,12 @@ def evaluate(
     path: Path,
     *,
     as_json: bool,
-    white: float | None,
-    circle: tuple[float, float, float] | None,
-    encoding: str | float | None,
+    **reading: Any,
 ) -> int:
     """Evaluate a fit on a capture and print the result; returns the exit status."""
     from fitting.report_text import evaluation_report
 
-    document = evaluate_capture(fit_json, path, white=white, circle=circle, encoding=encoding)
+    document = evaluate_capture(fit_json, path, **reading)
     show(document, evaluation_report(document), as_json=as_json)
     return 0
 
@@ -38,12 +35,11 @@ def evaluate(
 def evaluate_capture(
     fit_json: Path,
     path: Path,
-    *,
-    white: float | None = None,
-    circle: tuple[float, float, float] | None = None,
-    encoding: str | float | None = None,
+    **reading: Any,
 ) -> dict[str, Any]:
     """Read a fit and a capture; how the one predicts the other, as a document.
+
+    `reading`: the options of `read_capture`.
 
     Where the capture asks for attenuation constants to be fitted, the fit's are used.
     """
@@ -53,8 +49,8 @@ def evaluate_capture(
     from fitting.gauge import with_attenuation
     from fitting.report import evaluation_to_json, material_from_json
 
-    material, attenuation = material_from_json(_read_json(fit_json))
-    capture = read_capture(path, white=white, circle=circle, encoding=encoding)
+    material, attenuation = material_from_json(read_json(fit_json, "a fit.json"))
+    capture = read_capture(path, **reading)
     _check(capture, path, material, attenuation, fit_json)
     scenes = capture.scenes
     if capture.fit_attenuation is not None and attenuation is not None:
@@ -65,22 +61,6 @@ def evaluate_capture(
             material, capture.images, capture.gbuffer, scenes, valid=capture.valid
         )
         return evaluation_to_json(found, capture)
-
-
-def _read_json(path: Path) -> Table:
-    """The object of a JSON file, to be read strictly."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    except (ValueError, RecursionError) as error:
-        detail = " ".join(str(error).split())
-        raise BadInput(f"{path}: is not JSON ({detail}); give a fit.json") from None
-    if not isinstance(document, dict):
-        raise BadInput(f"{path}: holds no JSON object; give a fit.json")
-    return Table(path, "", document)
 
 
 def _check(

@@ -8,9 +8,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import WrongUsage, naming, progress, show
+from diffshade.commands.console import WrongUsage, progress, show
 from diffshade.commands.folder import check_folder, write_folder
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -78,6 +78,7 @@ def fit_capture(
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
+    allow_outside: bool = False,
     devices: Sequence[Any] | None = None,
 ) -> Fitted:
     """Read a capture and fit it, on one device of JAX or on several."""
@@ -88,7 +89,9 @@ def fit_capture(
     from fitting.named_models import named_bounds, named_material
     from fitting.report import fit_to_json
 
-    capture = read_capture(path, white=white, circle=circle, encoding=encoding)
+    capture = read_capture(
+        path, white=white, circle=circle, encoding=encoding, allow_outside=allow_outside
+    )
     ambient = any(scene.ambient is not None for scene in capture.scenes)
     material = named_material(model, ambient=ambient)
     held = _held(material, hold, capture.images[0].shape[2])

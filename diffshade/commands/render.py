@@ -4,19 +4,22 @@ from pathlib import Path
 
 import numpy as np
 
-from diffshade.commands.console import naming, note, progress
+from diffshade.commands.console import note, progress
+from diffshade.errors import naming
 
 __all__ = ["render"]
 
 
-def render(path: Path, *, out: Path) -> int:
+def render(path: Path, *, out: Path, allow_outside: bool) -> int:
     """Render a scene into a file; returns the exit status."""
     progress(f"reading {path}")
     from diffshade.io.image import write_image
     from diffshade.io.scene_toml import read_scene_toml
     from diffshade.shading.render import render as render_image
 
-    file = read_scene_toml(path)
+    file = read_scene_toml(path, allow_outside=allow_outside)
+    for found in file.notes:
+        note(found)
     gbuffer = file.gbuffer(path)
     progress(f"rendering {gbuffer.pixel_count} pixels")
     with naming(path):

@@ -78,6 +78,7 @@ def _render(parser: ArgumentParser) -> None:
         required=True,
         help="The image: .png (sRGB, 8 bits), .exr or .npy (linear).",
     )
+    _outside(parser)
     _precision(parser)
 
 
@@ -189,7 +190,16 @@ def _precision(parser: ArgumentParser) -> None:
     )
 
 
+def _outside(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--allow-outside",
+        action="store_true",
+        help="Read files that lie outside the folder of the file that names them, too.",
+    )
+
+
 def _reading(parser: ArgumentParser) -> None:
+    _outside(parser)
     photographs = parser.add_argument_group("what the photographs say")
     photographs.add_argument(
         "--white",

@@ -3,7 +3,12 @@
 import numpy as np
 from jaxtyping import Float, Int
 
+from diffshade.errors import BadInput
+
 __all__ = ["triangulate"]
+
+_MOST = 1000
+"""Corners of a concave polygon: cutting off ears takes up to the cube of their number."""
 
 
 def triangulate(polygons: Float[np.ndarray, "N K 3"]) -> Int[np.ndarray, "N K-2 3"]:
@@ -12,7 +17,7 @@ def triangulate(polygons: Float[np.ndarray, "N K 3"]) -> Int[np.ndarray, "N K-2 
     Triangles keep the polygon's orientation. A polygon is cut into a fan about its first corner
     where every triangle of the fan faces as the polygon does, and by cutting off ears (Meisters
     1975) where one does not, in the plane of Newell's normal. One that crosses itself has no right
-    answer, and gets some triangles.
+    answer, and gets some triangles. Raises `BadInput` for a concave one of more than 1000 corners.
     """
     count, corners, _ = polygons.shape
     later = np.arange(1, corners - 1)
@@ -23,7 +28,12 @@ def triangulate(polygons: Float[np.ndarray, "N K 3"]) -> Int[np.ndarray, "N K-2 
     newell = twice_areas.sum(axis=1)  # the vector area: the same sum as Newell's
     facing = np.einsum("nki,ni->nk", twice_areas, newell)
     tolerance = 1e-12 * (newell**2).sum(axis=1, keepdims=True)
-    for polygon in np.flatnonzero((facing < -tolerance).any(axis=1)):
+    concave = np.flatnonzero((facing < -tolerance).any(axis=1))
+    if concave.size and corners > _MOST:
+        raise BadInput(
+            f"has a concave polygon of {corners} corners, more than {_MOST}: cut it into triangles"
+        )
+    for polygon in concave:
         triangles[polygon] = _ears(_in_plane(polygons[polygon], newell[polygon]))
     return triangles
 
@@ -41,9 +51,10 @@ def _ears(polygon: Float[np.ndarray, "K 2"]) -> list[tuple[int, int, int]]:
     left = list(range(len(polygon)))
     triangles = []
     while len(left) > 3:
-        around = [(left[k - 1], left[k], left[(k + 1) % len(left)]) for k in range(len(left))]
-        ear = next((k for k, corner in enumerate(around) if _is_ear(polygon, left, *corner)), 0)
-        triangles.append(around[ear])
+        around = ((left[k - 1], left[k], left[(k + 1) % len(left)]) for k in range(len(left)))
+        ears = (k for k, corner in enumerate(around) if _is_ear(polygon, left, *corner))
+        ear = next(ears, 0)
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
     return [*triangles, (left[0], left[1], left[2])]
 

@@ -37,12 +37,16 @@ SCHEMA = "diffshade.capture/1"
 
 
 def read_capture_toml(
-    path: Path, *, white: float | None = None, encoding: str | float | None = None
+    path: Path,
+    *,
+    white: float | None = None,
+    encoding: str | float | None = None,
+    allow_outside: bool = False,
 ) -> Capture:
     """Read a `capture.toml`; options as `read_capture`. Raises `BadInput`."""
     from diffshade.scene import Scene
 
-    top = read_toml(path)
+    top = read_toml(path, allow_outside=allow_outside)
     top.choice("schema", (SCHEMA,))
     top.expect(("schema", "geometry", "image"), ("encoding", "mask", "ambient", "camera"))
     stated = _encoding(top)
@@ -52,17 +56,22 @@ def read_capture_toml(
         top.fail("there is no [[image]]; give at least one")
     lights = [_lights(entry, lit=ambient is not None) for entry in entries]
     fitted = _fitted([light for of_image in lights for light in of_image])
-    scenes = [
-        Scene(ambient=ambient, lights=tuple(map(read_light, of_image))) for of_image in lights
-    ]
+    with top.naming():
+        scenes = [
+            Scene(ambient=ambient, lights=tuple(map(read_light, of_image))) for of_image in lights
+        ]
 
-    geometry, camera = read_view(top)
+    geometry, camera, notes = read_view(top)
     refuse_near_lights(geometry, [light for of_image in lights for light in of_image])
 
     names = [entry.text("file") for entry in entries]
     first = path.parent / names[0]
     photographs = read_photographs(
-        path.parent, names, encoding=stated if encoding is None else encoding, white=white
+        path.parent,
+        names,
+        encoding=stated if encoding is None else encoding,
+        white=white,
+        allow_outside=allow_outside,
     )
     height, width, channels = photographs[0].encoded.shape
     channel_count(top, "ambient", channels)
@@ -88,7 +97,7 @@ def read_capture_toml(
         gbuffer,
         scenes,
         fit_attenuation=fitted,
-        notes=lost_pixels(mask, gbuffer),
+        notes=(*notes, *lost_pixels(mask, gbuffer)),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +10,7 @@ from jaxtyping import Bool
 
 from diffshade.errors import BadInput
 from diffshade.io.foreground import masked_gbuffer
+from diffshade.io.json_document import read_json
 
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
@@ -37,15 +37,12 @@ class Circle(NamedTuple):
 
 def read_circle(path: Path) -> Circle:
     """The circle of a `sphere.json`: keys cx, cy and R; there the first pixel's centre is 0."""
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        circle = Circle(*(float(values[key]) for key in ("cx", "cy", "R")))
-    except KeyError as error:
-        raise BadInput(f"{path}: the key {error} is missing; give cx, cy and R") from None
-    except (OSError, ValueError, TypeError) as error:
-        detail = " ".join(str(error).split())
-        raise BadInput(f"{path}: cannot be read ({detail}); give cx, cy and R as JSON") from None
-    return Circle(circle.cx + 0.5, circle.cy + 0.5, circle.radius).checked(str(path))
+    table = read_json(path, "cx, cy and R as JSON")
+    for key in ("cx", "cy", "R"):
+        if key not in table:
+            table.fail(f'the key "{key}" is missing; give cx, cy and R')
+    cx, cy = table.number("cx"), table.number("cy")
+    return Circle(cx + 0.5, cy + 0.5, table.number("R", above=0.0)).checked(str(path))
 
 
 def ball_gbuffer(circle: Circle, shape: tuple[int, int], mask: Mask | None = None) -> GBuffer:

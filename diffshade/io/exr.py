@@ -3,16 +3,21 @@
 `read_channels` gives every channel of every part; `read` the image among them.
 """
 
+import math
 import os
 import struct
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, Pixels
 from diffshade.io.encoding import Encoding
+from diffshade.io.limits import check_size
 
 __all__ = ["SIGNATURE", "read", "read_channels", "write"]
 
@@ -50,7 +55,7 @@ def read_channels(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     import OpenEXR
 
     expected_parts = _check_structure(Path(path).read_bytes())
-    with OpenEXR.File(os.fspath(path), separate_channels=True) as file:
+    with _quietly(), OpenEXR.File(os.fspath(path), separate_channels=True) as file:
         # OpenEXR leaves out a part that it cannot decode, without raising.
         if len(file.parts) != expected_parts:
             raise BadInput("is damaged: not all of it decodes; copy or export it again")
@@ -64,6 +69,20 @@ def read_channels(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     if len({pixels.shape for pixels in channels.values()}) != 1:
         raise BadInput("has parts of different sizes; save the one that is meant alone")
     return channels
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """OpenEXR says what it thinks of a damaged file on standard output and error: our caller's."""
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(StringIO()))
+        with suppress(OSError):  # there may be no standard error
+            kept = os.dup(2)
+            stack.callback(os.close, kept)
+            stack.callback(os.dup2, kept, 2)
+            with open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), 2)
+        yield
 
 
 def write(path: Path, linear: Pixels) -> None:
@@ -107,7 +126,7 @@ def _check_windows(header: dict[str, Any]) -> None:
 
 
 def _check_structure(data: bytes) -> int:
-    """The number of parts, after a check that every chunk lies within the file.
+    """The number of parts, after a check that every chunk lies within the file, and of what they claim.
 
     OpenEXR reports a truncated file on standard output, which belongs to our caller, and goes on.
     """
@@ -115,38 +134,76 @@ def _check_structure(data: bytes) -> int:
     if flags & _DEEP:
         raise BadInput("holds deep data; flatten it")
     try:
-        position, tiled = _headers(data, flags)
+        position, parts = _headers(data, flags)
+        for part in parts:
+            check_size(part.size)
+            check_size(part.tile)
+        check_size((sum(math.prod(part.size) for part in parts),))
+        tiled = [part.tiled for part in parts]
         complete = _all_chunks_inside(data, position, tiled, multipart=bool(flags & _MULTIPART))
+    except BadInput:
+        raise
     except (struct.error, ValueError, IndexError):
         complete = False
     if not complete:
         raise BadInput("is truncated or was never finished; copy or export it again")
-    return len(tiled)
+    return len(parts)
 
 
-def _headers(data: bytes, flags: int) -> tuple[int, list[bool]]:
-    """Where the headers end, and for each part whether it is tiled.
+class _Part(NamedTuple):
+    tiled: bool
+    size: tuple[int, ...]
+    """Height, width and channels."""
+    tile: tuple[int, ...]
+
+
+def _headers(data: bytes, flags: int) -> tuple[int, list[_Part]]:
+    """Where the headers end, and what each part claims to be.
 
     An attribute is: name, 0, type, 0, size, value; an empty name ends a header, and in a file of
     several parts an empty header ends them all.
     """
-    position, tiled = 8, []
+    position, parts = 8, []
     while True:
-        is_tiled = bool(flags & _TILED)
+        tiled, window, channels, tile = bool(flags & _TILED), (0, 0, 0, 0), 1, (1, 1)
+        missing = {b"channels", b"compression", b"dataWindow", b"displayWindow"}
         while data[position]:
             name_end = data.index(b"\0", position)
             type_end = data.index(b"\0", name_end + 1)
             (size,) = struct.unpack_from("<I", data, type_end + 1)
             value = data[type_end + 5 : type_end + 5 + size]
-            if data[position:name_end] == b"type":
-                is_tiled = value == b"tiledimage"
+            missing.discard(data[position:name_end])
+            match data[position:name_end]:
+                case b"type":
+                    tiled = value == b"tiledimage"
+                case b"dataWindow":
+                    window = struct.unpack("<4i", value)
+                case b"channels":
+                    channels = _channel_count(value)
+                case b"tiles":
+                    tile = struct.unpack_from("<2I", value)
             position = type_end + 5 + size
         position += 1
-        tiled.append(is_tiled)
+        if missing:
+            raise BadInput(f"has no {min(missing).decode()}; export it again")
+        left, top, right, bottom = window
+        height, width = bottom - top + 1, right - left + 1
+        if min(height, width) < 1:
+            raise BadInput(f"has {width} x {height} pixels; export it again")
+        parts.append(_Part(tiled, (height, width, channels), (*tile, channels)))
         if not flags & _MULTIPART:
-            return position, tiled
+            return position, parts
         if not data[position]:
-            return position + 1, tiled
+            return position + 1, parts
+
+
+def _channel_count(value: bytes) -> int:
+    """Of a list of names, each with 0 and 16 bytes after it, and 0 at the end."""
+    position = count = 0
+    while value[position]:
+        position = value.index(b"\0", position) + 17
+        count += 1
+    return count
 
 
 def _all_chunks_inside(data: bytes, position: int, tiled: list[bool], *, multipart: bool) -> bool:

@@ -18,6 +18,7 @@ from jaxtyping import Bool
 from diffshade.errors import BadInput
 from diffshade.io.circle import Circle, ball_gbuffer, read_circle
 from diffshade.io.circle_from_mask import circle_from_mask
+from diffshade.io.contents import within
 from diffshade.io.foreground import lost_pixels
 from diffshade.io.image import read_mask
 from diffshade.io.normals_file import normals_gbuffer, read_normals
@@ -32,11 +33,17 @@ Mask = Bool[np.ndarray, "H W"]
 
 
 def folder_geometry(
-    folder: Path, image: Path, shape: tuple[int, int], circle: tuple[float, float, float] | None
+    folder: Path,
+    image: Path,
+    shape: tuple[int, int],
+    circle: tuple[float, float, float] | None,
+    *,
+    allow_outside: bool = False,
 ) -> tuple[GBuffer, tuple[str, ...]]:
     """The G-buffer for photographs like `image`, of `shape`, and notes on where it comes from."""
     mask_file, normals_file, sphere_file = (
-        folder / name for name in ("mask.png", "Normal_gt.mat", "sphere.json")
+        within(folder, name, allow_outside=allow_outside)
+        for name in ("mask.png", "Normal_gt.mat", "sphere.json")
     )
     mask = read_mask_of(mask_file, image, shape) if mask_file.exists() else None
     if normals_file.exists():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from diffshade.errors import BadInput
 from diffshade.io import exr, jpeg, png, radiance, raw, tiff
+from diffshade.io.contents import read_bytes
 from diffshade.io.decoded import Decoded
 
 __all__ = ["Format", "decode_file", "identify"]
@@ -47,7 +48,9 @@ _REFUSED = (
 
 def decode_file(path: Path, layer: str | None = None) -> tuple[Format, Decoded]:
     """What an image file holds; raises `BadInput` that begins with its name where it does not."""
-    data = _content(path)
+    data = read_bytes(path)
+    if not data:
+        raise BadInput(f"{path}: the file is empty; copy or export it again")
     kind = "file"
     try:
         form = identify(data)
@@ -61,7 +64,7 @@ def decode_file(path: Path, layer: str | None = None) -> tuple[Format, Decoded]:
         raise
     # Each library raises types of its own for a damaged file.
     except Exception as error:
-        detail = " ".join(str(error).split()) or type(error).__name__
+        detail = str(error) or type(error).__name__
         raise BadInput(f"{path}: damaged {kind} ({detail}); copy or export it again") from None
 
 
@@ -93,17 +96,3 @@ def _read_format(form: Format, data: bytes, path: Path, layer: str | None) -> De
             return exr.read(path, layer)
         case Format.RAW:
             return raw.read(path)
-
-
-def _content(path: Path) -> bytes:
-    if path.is_dir():
-        raise BadInput(f"{path}: this is a folder; name an image file in it")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); mend that first") from None
-    if not data:
-        raise BadInput(f"{path}: the file is empty; copy or export it again")
-    return data

@@ -14,7 +14,6 @@ Any `np.savez(path, normal=..., position=...)` is one.
 from __future__ import annotations
 
 import os
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +22,7 @@ import numpy as np
 
 from diffshade.errors import BadInput
 from diffshade.io.atomic import replacing
+from diffshade.io.npz import read_npz
 
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
@@ -96,33 +96,13 @@ def load_gbuffer(path: str | os.PathLike[str]) -> GBuffer:
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays of an `.npz` G-buffer by name; `normal` is there, and not both eye and view."""
-    try:
-        with path.open("rb") as stream:
-            file = np.load(stream, allow_pickle=False)
-            if isinstance(file, np.ndarray):
-                raise BadInput(f"{path}: holds one array, not an .npz archive; use np.savez")
-            arrays = {name: file[name] for name in file.files}
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except BadInput:
-        raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        detail = " ".join(str(error).split())
-        raise BadInput(f"{path}: is not an .npz of plain arrays ({detail}); use np.savez") from None
-    known = ", ".join(ARRAYS)
-    if unknown := [name for name in arrays if name not in ARRAYS]:
-        raise BadInput(
-            f"{path}: unknown array {unknown[0]!r}; the arrays of a G-buffer are {known}"
-        )
+    arrays = read_npz(path, ARRAYS)
     if "normal" not in arrays:
         raise BadInput(
-            f"{path}: the array 'normal' is missing; the arrays of a G-buffer are {known}"
+            f"{path}: the array 'normal' is missing; the arrays of a G-buffer are {', '.join(ARRAYS)}"
         )
     if "eye" in arrays and "view" in arrays:
         raise BadInput(f"{path}: holds an eye and a view; give one viewer")
-    for name, array in arrays.items():
-        if array.dtype.kind not in "biuf":
-            raise BadInput(f"{path}: {name} holds {array.dtype} values; give numbers")
     return arrays
 
 

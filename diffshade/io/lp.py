@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.io.capture import Capture, assemble
 from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import folder_geometry
+from diffshade.io.limits import check_size
 from diffshade.io.photographs import read_photographs
 from diffshade.io.text_rows import direction, lines, numbers
 
@@ -36,13 +37,20 @@ def read_lp(
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
+    allow_outside: bool = False,
 ) -> Capture:
     """Read the capture of an `.lp` file; options as `read_capture`. Raises `BadInput`."""
     images, directions, notes = parse_lp(path)
-    photographs = read_photographs(path.parent, images, encoding=encoding, white=white)
+    photographs = read_photographs(
+        path.parent, images, encoding=encoding, white=white, allow_outside=allow_outside
+    )
     height, width = photographs[0].encoded.shape[:2]
     gbuffer, geometry_notes = folder_geometry(
-        path.parent, path.parent / images[0], (height, width), circle
+        path.parent,
+        path.parent / images[0],
+        (height, width),
+        circle,
+        allow_outside=allow_outside,
     )
     scenes = [divided_scene(d) for d in directions]
     return assemble(photographs, gbuffer, scenes, notes=(*notes, *geometry_notes))
@@ -55,7 +63,9 @@ def parse_lp(path: Path) -> LightPositions:
     stated = content[0][1] if content else ""
     if stated.isdecimal():
         content = content[1:]
-        if int(stated) != len(content):
+        with naming(path):
+            count = _count(stated)
+        if count != len(content):
             notes = (
                 f"{path.name}: states {stated} images and lists {len(content)}: all listed read",
             )
@@ -79,3 +89,10 @@ def parse_lp(path: Path) -> LightPositions:
         images.append(image.name)
         directions.append(direction(numbers(words[1:], where), where))
     return LightPositions(images, directions, notes)
+
+
+def _count(stated: str) -> int:
+    if len(stated) > 18:
+        raise BadInput(f"states a count of {len(stated)} digits; correct its first line")
+    check_size((int(stated), 3))
+    return int(stated)

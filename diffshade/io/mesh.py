@@ -14,22 +14,25 @@ The facet normals of an STL file say nothing that its corners do not; a faceted 
 smoothing groups of OBJ files are not read.
 """
 
+import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.geometry.mesh import Mesh
+from diffshade.io.limits import FARTHEST
 from diffshade.io.obj import Obj, read_obj
 from diffshade.io.obj_materials import read_materials
 from diffshade.io.trimesh_formats import Part, merged, read_gltf, read_ply, read_stl
 
-__all__ = ["load_mesh"]
+__all__ = ["load_mesh", "read_mesh"]
 
-READERS: dict[str, Callable[[Path], list[Part]]] = {
+READERS: dict[str, Callable[[Path, bool], list[Part]]] = {
     ".ply": read_ply,
     ".stl": read_stl,
     ".gltf": read_gltf,
@@ -37,7 +40,7 @@ READERS: dict[str, Callable[[Path], list[Part]]] = {
 }
 
 
-def load_mesh(path: str | Path, *, normals: bool = True) -> Mesh:
+def load_mesh(path: str | Path, *, normals: bool = True, allow_outside: bool = False) -> Mesh:
     """One mesh of all that a file holds: `.obj` with its `.mtl`, `.ply`, `.stl`, `.gltf`, `.glb`.
 
     Polygons are cut into triangles; axes and units are those of the file. With `normals=False` its
@@ -47,24 +50,47 @@ def load_mesh(path: str | Path, *, normals: bool = True) -> Mesh:
     lobe (Blinn) of its `illum 2`. They have one form: where one lacks a term that another has, its
     coefficient is 0.
 
-    Warns where the materials that an OBJ file names are not found, and where they have textures.
-    Raises `BadInput`, naming the file, for what is missing, no mesh, or has no triangles.
+    Warns where the materials that an OBJ file names are not found or have textures, and of faces
+    without area, which no pixel sees (`Mesh.degenerate`). Raises `BadInput`, naming the file, for what
+    is missing, no mesh, or has no triangles; and for a file outside its folder that it names, such as
+    `../a.mtl`, unless `allow_outside`.
+
+    >>> mesh = load_mesh("bunny.obj")
+    >>> image = ds.render(ds.gbuffer(mesh, camera), scene, material)
     """
-    path = Path(path)
+    mesh, notes = read_mesh(Path(path), normals=normals, allow_outside=allow_outside)
+    for note in notes:
+        warnings.warn(f"{path}: {note}", stacklevel=2)
+    return mesh
+
+
+def read_mesh(
+    path: Path, *, normals: bool = True, allow_outside: bool = False
+) -> tuple[Mesh, tuple[str, ...]]:
+    """What `load_mesh` gives, and what it warns of."""
     suffix = path.suffix.lower()
     if not path.is_file():
         raise BadInput(f"{path}: there is no such file; check the path")
-    if suffix == ".obj":
-        mesh = _from_obj(path, read_obj(path), normals)
-    elif suffix in READERS:
-        mesh = _from_parts(READERS[suffix](path), normals)
-    else:
-        known = ", ".join((".obj", *READERS))
-        raise BadInput(f"{path}: is no mesh format that is read; give one of {known}")
-    if not mesh.faces.shape[0]:
-        count = mesh.vertices.shape[0]
-        raise BadInput(f"{path}: holds {count} vertices and no faces; give a mesh of triangles")
-    return mesh
+    notes: tuple[str, ...] = ()
+    with naming(path):
+        if suffix == ".obj":
+            file = read_obj(path)
+            mesh = _from_obj(file, normals)
+        elif suffix in READERS:
+            mesh = _from_parts(READERS[suffix](path, allow_outside), normals)
+        else:
+            known = ", ".join((".obj", *READERS))
+            raise BadInput(f"is no mesh format that is read; give one of {known}")
+    if suffix == ".obj" and any(file.materials):
+        materials, notes = read_materials(path, file, allow_outside=allow_outside)
+        mesh = replace(mesh, materials=materials)
+    count = mesh.faces.shape[0]
+    if not count:
+        given = mesh.vertices.shape[0]
+        raise BadInput(f"{path}: holds {given} vertices and no faces; give a mesh of triangles")
+    if flat := int(np.count_nonzero(mesh.degenerate())):
+        notes += (f"{flat} of {count} faces have no area: left out",)
+    return mesh, notes
 
 
 def _from_parts(parts: list[Part], keep_normals: bool) -> Mesh:
@@ -78,7 +104,7 @@ def _from_parts(parts: list[Part], keep_normals: bool) -> Mesh:
     return _mesh(vertices, faces, normals, slot=slot if len(parts) > 1 else None)
 
 
-def _from_obj(path: Path, file: Obj, keep_normals: bool) -> Mesh:
+def _from_obj(file: Obj, keep_normals: bool) -> Mesh:
     vertices, faces = file.vertices, file.faces
     normals = None
     if keep_normals:
@@ -90,15 +116,8 @@ def _from_obj(path: Path, file: Obj, keep_normals: bool) -> Mesh:
         normals = _complete(values[of_normal], lambda: _means(vertices, faces)[of_vertex])
         if normals is not None:
             vertices, faces = vertices[of_vertex], number.reshape(-1, 3)
-    named = any(file.materials)
-    slot = file.material if named else file.group
-    return _mesh(
-        vertices,
-        faces,
-        normals,
-        slot=slot if slot.any() else None,
-        materials=read_materials(path, file) if named else (),
-    )
+    slot = file.material if any(file.materials) else file.group
+    return _mesh(vertices, faces, normals, slot=slot if slot.any() else None)
 
 
 def _mesh(*arguments: Any, **options: Any) -> Mesh:
@@ -114,8 +133,8 @@ def _means(
 def _complete(
     given: Float[np.ndarray, "V 3"], compute: Callable[[], Float[np.ndarray, "V 3"]]
 ) -> Float[np.ndarray, "V 3"] | None:
-    """A file's normals, computed where they are zero or not finite; None where all are."""
-    usable = np.isfinite(given).all(axis=1) & (given != 0).any(axis=1)
+    """A file's normals, computed where they are zero or no lengths; None where all are."""
+    usable = (np.abs(given) < FARTHEST).all(axis=1) & (given != 0).any(axis=1)
     if usable.all() or not usable.any():
         return given if usable.any() else None
     return np.where(usable[:, None], given, compute())

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffshade.errors import BadInput
+from diffshade.io.contents import read_bytes
 
 __all__ = ["Colour", "Mtl", "read_mtl"]
 
@@ -32,10 +33,7 @@ def read_mtl(path: Path) -> dict[str, Mtl]:
     Statements other than `Ka`, `Kd`, `Ks`, `Ns` and `illum` are passed over; those that name
     textures are listed. Raises `BadInput`, with the line, for one of the five that is no number.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
     materials: dict[str, Mtl] = {}
     name = None
     for number, line in enumerate(text.splitlines(), 1):

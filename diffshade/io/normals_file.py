@@ -11,6 +11,8 @@ from jaxtyping import Bool, Float
 
 from diffshade.errors import BadInput
 from diffshade.io.gbuffer import read_arrays
+from diffshade.io.matlab import read_matlab
+from diffshade.io.npz import read_npy
 
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
@@ -46,9 +48,9 @@ def read_normals(path: Path) -> NormalMap:
     """Read a map of normals; the ending of the name says how. Raises `BadInput`."""
     match path.suffix.lower():
         case ".mat":
-            normals = NormalMap(path, _matlab(path))
+            normals = NormalMap(path, read_matlab(path, _MATLAB_KEY))
         case ".npy":
-            normals = NormalMap(path, _npy(path))
+            normals = NormalMap(path, read_npy(path))
         case ".npz":
             arrays = read_arrays(path)
             if "slot" in arrays:
@@ -102,38 +104,6 @@ def normals_gbuffer(
             f"{normals.path}: its {next(iter(own))} is not that of the camera; leave out one"
         )
     return replace(gbuffer, viewer=viewer)
-
-
-def _matlab(path: Path) -> np.ndarray:
-    from scipy.io import loadmat
-
-    try:
-        contents = loadmat(path)
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except NotImplementedError:  # what SciPy says to a MATLAB 7.3 file, which is HDF5
-        raise BadInput(f"{path}: is a MATLAB 7.3 file; save it with save(..., '-v7')") from None
-    # loadmat raises types of many modules for a damaged file.
-    except Exception as error:
-        detail = " ".join(str(error).split())
-        raise BadInput(f"{path}: is not a MATLAB file ({detail}); save it again") from None
-    if _MATLAB_KEY not in contents:
-        held = ", ".join(key for key in contents if not key.startswith("__")) or "nothing"
-        raise BadInput(f"{path}: the key {_MATLAB_KEY} is missing; it holds {held}")
-    return np.asarray(contents[_MATLAB_KEY])
-
-
-def _npy(path: Path) -> np.ndarray:
-    try:
-        loaded = np.load(path, allow_pickle=False)
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except (OSError, ValueError, EOFError) as error:
-        detail = " ".join(str(error).split())
-        raise BadInput(f"{path}: is not an .npy of numbers ({detail}); use np.save") from None
-    if not isinstance(loaded, np.ndarray):
-        raise BadInput(f"{path}: is an archive, not one array; name it .npz")
-    return loaded
 
 
 def _same(a: AbstractViewer, b: AbstractViewer) -> bool:

@@ -6,15 +6,16 @@ it counts negative indices from the end of the file instead of from the line the
 concave polygons; it drops all normals where one polygon has none. The tests show each.
 """
 
-import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.geometry.triangulate import triangulate
+from diffshade.io.contents import read_bytes
+from diffshade.io.limits import FARTHEST
 
 __all__ = ["Obj", "read_obj"]
 
@@ -50,16 +51,13 @@ def read_obj(path: Path) -> Obj:
 
     Raises `BadInput`, with the line, for numbers that are none and indices of nothing.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    text = read_bytes(path).decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
     vertices: list[list[float]] = []
     normals: list[list[float]] = []
     polygons: list[_Polygon] = []
     libraries: list[str] = []
     material = group = None
-    for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
+    for number, line in enumerate(text.replace("\r", "\n").replace("\\\n", " ").split("\n"), 1):
         key, *words = line.split(None, 1) or [""]
         rest = words[0].strip() if words else ""
         if "#" in rest and key in ("v", "vn", "f"):  # names may have one
@@ -67,8 +65,8 @@ def read_obj(path: Path) -> Obj:
         try:
             if key == "v":
                 vertices.append(_triple(rest))
-                if not all(map(math.isfinite, vertices[-1])):
-                    raise ValueError(f"the vertex {rest} is not finite")
+                if not all(abs(x) < FARTHEST for x in vertices[-1]):
+                    raise ValueError(f"the vertex {rest} is not finite, or {FARTHEST:g} away")
             elif key == "vn":
                 normals.append(_triple(rest))
             elif key == "f":
@@ -90,12 +88,13 @@ def read_obj(path: Path) -> Obj:
         except ValueError as error:
             raise BadInput(f"{path}, line {number}: {error}; correct the line") from None
     _check_range(path, polygons, len(vertices), len(normals))
-    return _triangles(
-        np.array(vertices, np.float64).reshape(-1, 3),
-        np.array(normals, np.float64).reshape(-1, 3),
-        polygons,
-        tuple(libraries),
-    )
+    with naming(path):
+        return _triangles(
+            np.array(vertices, np.float64).reshape(-1, 3),
+            np.array(normals, np.float64).reshape(-1, 3),
+            polygons,
+            tuple(libraries),
+        )
 
 
 def _triple(rest: str) -> list[float]:

@@ -1,10 +1,10 @@
 """From the `.mtl` libraries of an OBJ file to materials."""
 
-import warnings
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from diffshade.arrays import floats
+from diffshade.io.contents import within
 from diffshade.io.mtl import Colour, Mtl, read_mtl
 from diffshade.io.obj import Obj
 from diffshade.reflectance.blinn_phong import BlinnPhong
@@ -13,8 +13,11 @@ from diffshade.reflectance.material import Material
 __all__ = ["read_materials"]
 
 
-def read_materials(path: Path, file: Obj) -> tuple[Material, ...]:
-    """The materials that an OBJ file's faces name, in order; all of them, or none with a warning.
+def read_materials(
+    path: Path, file: Obj, *, allow_outside: bool
+) -> tuple[tuple[Material, ...], tuple[str, ...]]:
+    """The materials that an OBJ file's faces name, in order, all of them or none; and notes on what
+    is not there.
 
     `Ka`, `Kd` and `Ks` are ka, kd and ks, `Ns` is the exponent of a halfway-vector lobe (Blinn),
     the form of `illum 2`. `illum 1` has no lobe, `illum 0` no ambient term either, and one that the
@@ -22,12 +25,12 @@ def read_materials(path: Path, file: Obj) -> tuple[Material, ...]:
     modelled: they count as 2. All materials have one form: where one lacks a term that another
     has, its coefficient is 0. `Ns` is 1 where it is missing.
 
-    Raises `BadInput` for a library that cannot be read as one.
+    Raises `BadInput` for a library that cannot be read as one, or lies outside the file's folder.
     """
     known: dict[str | None, Mtl] = {}
     absent = []
     for names in file.libraries:
-        found = _beside(path, names)
+        found = _beside(path.parent, names, allow_outside)
         for library in found:
             known.update(read_mtl(library))
         if not found:
@@ -40,27 +43,24 @@ def read_materials(path: Path, file: Obj) -> tuple[Material, ...]:
                     f"{', '.join(absent)}, which is absent" if absent else "the file's libraries"
                 )
                 what = f"material {name!r} was not found in {where}"
-            warnings.warn(f"{path}: {what}; the mesh has no materials of its own", stacklevel=4)
-            return ()
+            return (), (f"{what}; the mesh has no materials of its own",)
     used = [known[name] for name in file.materials]
+    notes: tuple[str, ...] = ()
     if textures := sorted({key for material in used for key in material.maps}):
-        warnings.warn(
-            f"{path}: textures are not read ({', '.join(textures)}): every material has one colour",
-            stacklevel=4,
-        )
-    return _of_one_form(used)
+        notes = (f"textures are not read ({', '.join(textures)}): every material has one colour",)
+    return _of_one_form(used), notes
 
 
-def _beside(path: Path, names: str) -> list[Path]:
+def _beside(folder: Path, names: str, allow_outside: bool) -> list[Path]:
     """The files of one `mtllib` line, which names one, perhaps with spaces, or several; or none."""
     for split in ([names], names.split()):
         found = []
         for name in split:
             # beside the OBJ file too where the name has a folder of the machine that wrote it
-            candidates = (path.parent / name, path.parent / PureWindowsPath(name).name)
-            found += [candidate for candidate in candidates if candidate.is_file()][:1]
+            candidates = (name, PureWindowsPath(name).name)
+            found += [c for c in candidates if (folder / c).is_file()][:1]
         if split and len(found) == len(split):
-            return found
+            return [within(folder, name, allow_outside=allow_outside) for name in found]
     return []
 
 

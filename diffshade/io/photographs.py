@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from diffshade.errors import BadInput
 from diffshade.io import clipping
+from diffshade.io.contents import within
 from diffshade.io.encoding import Encoding, decode
 from diffshade.io.image import Image, read_image
 
@@ -51,8 +52,9 @@ def read_photographs(
     encoding: str | float | None = None,
     white: float | None = None,
     linear_by_convention: bool = False,
+    allow_outside: bool = False,
 ) -> list[Photograph]:
-    """Read image files of equal size, named relative to a folder.
+    """Read image files of equal size, named relative to a folder, and in it unless `allow_outside`.
 
     `encoding` ("linear", "srgb" or a gamma) overrides what the files say. Without it, files that
     say nothing are refused or, with `linear_by_convention`, linear; display-referred files are
@@ -63,7 +65,7 @@ def read_photographs(
         decode(np.zeros(1), encoding)  # raises for what is not an encoding
     photographs: list[Photograph] = []
     for name in names:
-        path = folder / name
+        path = within(folder, name, allow_outside=allow_outside)
         image = read_image(path, allow_nonfinite=True)
         if photographs and image.values.shape != photographs[0].encoded.shape:
             raise BadInput(

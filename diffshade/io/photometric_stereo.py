@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from diffshade.errors import BadInput
 from diffshade.io.capture import Capture, assemble
+from diffshade.io.contents import within
 from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import folder_geometry
 from diffshade.io.photographs import read_photographs
@@ -35,10 +36,12 @@ def read_photometric_stereo(
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
+    allow_outside: bool = False,
 ) -> Capture:
     """Read a folder in this layout; options as `read_capture`. Raises `BadInput`."""
     names_file, directions_file, intensities_file = (
-        folder / name for name in (*FILES, "light_intensities.txt")
+        within(folder, name, allow_outside=allow_outside)
+        for name in (*FILES, "light_intensities.txt")
     )
     names = [name for _, name in lines(names_file)]
     if not names:
@@ -47,14 +50,21 @@ def read_photometric_stereo(
     _one_an_image(directions_file, len(directions), names_file, len(names))
     known = intensities_file.exists()
     photographs = read_photographs(
-        folder, names, encoding=encoding, white=white, linear_by_convention=True
+        folder,
+        names,
+        encoding=encoding,
+        white=white,
+        linear_by_convention=True,
+        allow_outside=allow_outside,
     )
     height, width, channels = photographs[0].encoded.shape
     divisors = None
     if known:
         divisors = _intensities(intensities_file, channels)
         _one_an_image(intensities_file, len(divisors), names_file, len(names))
-    gbuffer, notes = folder_geometry(folder, folder / names[0], (height, width), circle)
+    gbuffer, notes = folder_geometry(
+        folder, folder / names[0], (height, width), circle, allow_outside=allow_outside
+    )
     if not known:
         notes += (f"{intensities_file.name} is not there: every light's intensity taken as 1",)
     scenes = [divided_scene(d) for d in directions]

@@ -12,12 +12,15 @@ import numpy as np
 from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, Samples, with_channels
 from diffshade.io.encoding import Encoding
+from diffshade.io.limits import check_size
 
 __all__ = ["SIGNATURE", "read", "write"]
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _END_OF_IHDR = len(SIGNATURE) + 12 + 13
 _PALETTE = 3
+_CHANNELS = {0: 1, 2: 3, _PALETTE: 4, 4: 2, 6: 4}
+"""Of each colour type, at most."""
 _CICP_TRANSFER = {8: Encoding.LINEAR, 13: Encoding.DISPLAY}
 
 
@@ -28,7 +31,8 @@ def read(data: bytes) -> Decoded:
     chunks = _chunks(data)
     if b"acTL" in chunks:
         raise BadInput("is an animated PNG; save one frame as a plain PNG")
-    depth, colour_type = chunks[b"IHDR"][8:10]
+    width, height, depth, colour_type = struct.unpack_from(">IIBB", chunks[b"IHDR"])
+    check_size((height, width, _CHANNELS[colour_type]))
     samples = with_channels(imagecodecs.png_decode(data))
     return Decoded(
         samples=samples,

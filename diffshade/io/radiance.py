@@ -11,6 +11,7 @@ import numpy as np
 from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded
 from diffshade.io.encoding import Encoding
+from diffshade.io.limits import check_size
 
 __all__ = ["read"]
 
@@ -31,19 +32,23 @@ def read(data: bytes) -> Decoded:
     if size is None:
         order = resolution[:40].decode("ascii", "backslashreplace")
         raise BadInput(f"has the scanline order {order!r}; save it as -Y HEIGHT +X WIDTH")
+    check_size((*map(int, size.groups()), 3))
     # A plain header: the library takes FORMAT only where it expects it.
     plain = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %s +X %s\n" % size.groups()
     values = imagecodecs.rgbe_decode(plain + scanlines)
-    values /= _exposure(entries)
+    with np.errstate(over="ignore"):  # what is infinite then is refused as such
+        values /= _exposure(entries)
     return Decoded(values, full_code=None, bits=_MANTISSA_BITS, encoding=Encoding.LINEAR)
 
 
 def _exposure(entries: list[tuple[str, str]]) -> np.ndarray:
     """The factor by which each channel was multiplied; the entries accumulate."""
     factor = np.ones(3)
-    for key, value in entries:
-        if key in ("EXPOSURE", "COLORCORR"):
-            factor *= [float(number) for number in value.split()]
-    if not np.all(np.isfinite(factor) & (factor > 0)):
+    with np.errstate(over="ignore", under="ignore"):
+        for key, value in entries:
+            if key in ("EXPOSURE", "COLORCORR"):
+                factor *= [float(number) for number in value.split()]
+        single = factor.astype(np.float32)
+    if not np.all(np.isfinite(single) & (single > 0)):
         raise BadInput(f"has the exposure {factor.tolist()}; it must be above 0: mend the header")
-    return factor.astype(np.float32)
+    return single

@@ -5,6 +5,7 @@ from pathlib import Path
 from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, with_channels
 from diffshade.io.encoding import Encoding
+from diffshade.io.limits import check_size
 
 __all__ = ["SIGNATURES", "read"]
 
@@ -35,7 +36,10 @@ def read(path: Path) -> Decoded:
             "is a camera RAW file, which needs the package rawpy; pip install 'diffshade[raw]'"
         ) from None
 
-    with rawpy.imread(str(path)) as raw:
+    with rawpy.RawPy() as raw:
+        raw.open_file(str(path))
+        check_size((raw.sizes.raw_height, raw.sizes.raw_width, 3))
+        raw.unpack()
         samples = raw.postprocess(
             gamma=(1, 1),
             no_auto_bright=True,

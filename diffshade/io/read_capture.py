@@ -3,9 +3,11 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from diffshade.errors import BadInput
 from diffshade.io.capture import Capture
+from diffshade.io.contents import within
 
 __all__ = ["read_capture"]
 
@@ -16,6 +18,7 @@ def read_capture(
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
+    allow_outside: bool = False,
 ) -> Capture:
     """Read a folder in the photometric-stereo layout, an RTI `.lp` file, a `capture.toml`, or the
     folder that holds one (which goes before the layout).
@@ -23,7 +26,8 @@ def read_capture(
     `white` is the encoded level at which the sensor clips, as a part of full scale (in the units of
     a floating-point file). `circle` is the outline (cx, cy, radius) of a ball in pixels from the
     top left corner, where the first pixel's centre is (0.5, 0.5). `encoding` is "linear", "srgb"
-    or a gamma, and goes before what the files say.
+    or a gamma, and goes before what the files say. The files of a capture lie in its folder; with
+    `allow_outside` they may lie anywhere, by `..`, an absolute path or symbolic links.
 
     Raises `BadInput`, in one line, for whatever cannot be used.
 
@@ -34,21 +38,22 @@ def read_capture(
     ... )
     """
     path = Path(path)
+    options: Any = {"white": white, "encoding": encoding, "allow_outside": allow_outside}
     if (path / "capture.toml").is_file():
-        path = path / "capture.toml"
+        path = within(path, "capture.toml", allow_outside=allow_outside)
     if path.is_dir():
         from diffshade.io.photometric_stereo import FILES, read_photometric_stereo
 
         if not any((path / name).is_file() for name in FILES):
             raise BadInput(_no_capture_in(path, FILES))
-        return read_photometric_stereo(path, white=white, circle=circle, encoding=encoding)
+        return read_photometric_stereo(path, **options, circle=circle)
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or folder; check the path")
     match path.suffix.lower():
         case ".lp":
             from diffshade.io.lp import read_lp
 
-            return read_lp(path, white=white, circle=circle, encoding=encoding)
+            return read_lp(path, **options, circle=circle)
         case ".toml":
             from diffshade.io.capture_toml import read_capture_toml
 
@@ -57,7 +62,7 @@ def read_capture(
                     f"{path}: a circle was given, but this file states its own geometry; leave out"
                     " --circle, or change geometry and camera there"
                 )
-            return read_capture_toml(path, white=white, encoding=encoding)
+            return read_capture_toml(path, **options)
     raise BadInput(
         f"{path}: is not a capture; give a folder in the photometric-stereo layout, an .lp file or"
         " a capture.toml"

@@ -58,21 +58,24 @@ class SceneFile(NamedTuple):
     """One, or those of a mesh's slots, as `ds.render` takes them."""
     shading: AbstractFrequency | None
     """None where the file does not say: once a pixel."""
+    notes: tuple[str, ...]
+    """What was found on reading, one line each, for the user to see."""
 
     def gbuffer(self, path: Path) -> GBuffer:
         """The G-buffer to render; complaints name the file `path`."""
         return view_through(self.geometry, self.camera, path, shading=self.shading)
 
 
-def read_scene_toml(path: Path) -> SceneFile:
-    """Read a `scene.toml`. Raises `BadInput`, in one line, for what is unknown, missing or wrong.
+def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
+    """Read a `scene.toml`. Raises `BadInput`, in one line, for what is unknown, missing or wrong, and
+    for a file outside the folder unless `allow_outside`.
 
     >>> file = read_scene_toml(path)
     >>> image = ds.render(file.gbuffer(path), file.scene, file.material)
     """
     from diffshade.scene import Scene
 
-    top = read_toml(path)
+    top = read_toml(path, allow_outside=allow_outside)
     top.expect(("geometry",), ("schema", "camera", "ambient", "lights", "material", "shading"))
     if "schema" in top:
         top.choice("schema", (SCHEMA,))
@@ -84,17 +87,20 @@ def read_scene_toml(path: Path) -> SceneFile:
     ambient = top.per_channel("ambient") if "ambient" in top else None
     if ambient is None and not lights:
         top.fail("there is no light; give lights, ambient, or both")
-    material = _material(top.table("material")) if "material" in top else None
-    scene = Scene(ambient=ambient, lights=tuple(map(read_light, lights)))
+    material: Material | tuple[Material, ...] | None = None
+    if "material" in top:
+        material = _material(top.table("material"))
+    with top.naming():
+        scene = Scene(ambient=ambient, lights=tuple(map(read_light, lights)))
     _one_channel_count(top, lights)
-    geometry, camera = read_view(top)
+    geometry, camera, notes = read_view(top)
     refuse_near_lights(geometry, lights)
     if material is None:
         of_mesh: tuple[Material, ...] = getattr(geometry, "materials", ())
         if not of_mesh:
             top.fail('the key "material" is missing; only a mesh with materials needs none')
-        return SceneFile(geometry, camera, scene, of_mesh, shading)
-    return SceneFile(geometry, camera, scene, material, shading)
+        material = of_mesh
+    return SceneFile(geometry, camera, scene, material, shading, notes)
 
 
 def _shading(top: Table) -> AbstractFrequency:
@@ -119,7 +125,8 @@ def _material(table: Table) -> Material:
     if "specular" in table:
         lobes = tuple(map(_lobe, table.tables("specular", "lobe")))
     given: dict[str, Any] = {k: table.per_channel(k) for k in coefficients if k in table}
-    return Material(**given, specular=lobes)
+    with table.naming():
+        return Material(**given, specular=lobes)
 
 
 def _lobe(table: Table) -> AbstractLobe:
@@ -131,7 +138,8 @@ def _lobe(table: Table) -> AbstractLobe:
     }
     kind = kinds[table.choice("kind", kinds)]
     table.expect(("kind", "ks", "shininess"))
-    return kind(table.per_channel("ks"), table.per_channel("shininess"))
+    with table.naming():
+        return kind(table.per_channel("ks"), table.per_channel("shininess"))
 
 
 def _one_channel_count(top: Table, lights: list[Table]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffshade.errors import BadInput
+from diffshade.io.contents import read_text
 
 __all__ = ["direction", "lines", "numbers", "rows"]
 
@@ -16,15 +17,9 @@ def lines(path: Path) -> list[tuple[int, str]]:
     Any line ending and a byte order mark are understood. Raises `BadInput` for what cannot be read
     as UTF-8 text.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{path}: this is not a text file; save it as UTF-8 text") from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    stripped = ((number, line.strip()) for number, line in enumerate(text.splitlines(), 1))
+    stripped = (
+        (number, line.strip()) for number, line in enumerate(read_text(path).splitlines(), 1)
+    )
     return [(number, line) for number, line in stripped if line]
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, with_channels
 from diffshade.io.encoding import Encoding
+from diffshade.io.limits import check_size
 
 __all__ = ["SIGNATURES", "is_camera_raw", "read"]
 
@@ -24,12 +25,18 @@ class Tag(IntEnum):
     """The tags that say what the samples mean."""
 
     NEW_SUBFILE_TYPE = 254
+    WIDTH = 256
+    LENGTH = 257
     BITS_PER_SAMPLE = 258
     PHOTOMETRIC = 262
     SAMPLES_PER_PIXEL = 277
     PLANAR_CONFIGURATION = 284
+    TILE_WIDTH = 322
+    TILE_LENGTH = 323
     SUB_IFDS = 330
     SAMPLE_FORMAT = 339
+    IMAGE_DEPTH = 32997
+    TILE_DEPTH = 32998
     DNG_VERSION = 50706
 
 
@@ -43,6 +50,8 @@ _PHOTOMETRIC_NAMES = {3: "palette", 4: "mask", 5: "CMYK", 6: "YCbCr", 8: "CIE L*
 _RAW_PHOTOMETRIC = {32803, 34892}
 _UNSIGNED, _FLOAT = 1, 3
 _SEPARATE_PLANES = 2
+_MOST = 1000
+"""Directories of a file and values of a tag that make sense."""
 
 
 def read(data: bytes) -> Decoded:
@@ -52,7 +61,10 @@ def read(data: bytes) -> Decoded:
     """
     import imagecodecs
 
-    tags = _only_page(data)
+    pages = _directories(data)
+    for page in pages:
+        _check_sizes(page)
+    tags = _only_page(pages)
     photometric = _tag(tags, Tag.PHOTOMETRIC, _MIN_IS_BLACK)
     if photometric not in (_MIN_IS_WHITE, _MIN_IS_BLACK, _RGB):
         kind = _PHOTOMETRIC_NAMES.get(photometric, f"photometric {photometric}")
@@ -82,15 +94,22 @@ def is_camera_raw(data: bytes) -> bool:
     )
 
 
-def _only_page(data: bytes) -> Directory:
-    pages = [
-        tags
-        for tags in _directories(data)
-        if not _tag(tags, Tag.NEW_SUBFILE_TYPE, 0) & _REDUCED_IMAGE
-    ]
-    if len(pages) != 1:
-        raise BadInput(f"holds {len(pages)} pages; save the one that is meant as a file of its own")
-    return pages[0]
+def _check_sizes(tags: Directory) -> None:
+    """Refuse what the image, or one of its tiles, claims to hold if it is absurd."""
+    channels = _tag(tags, Tag.SAMPLES_PER_PIXEL, 1)
+    for depth, length, width in (
+        (Tag.IMAGE_DEPTH, Tag.LENGTH, Tag.WIDTH),
+        (Tag.TILE_DEPTH, Tag.TILE_LENGTH, Tag.TILE_WIDTH),
+    ):
+        size = _tag(tags, length, 0), _tag(tags, width, 0), channels
+        check_size(size if depth not in tags else (_tag(tags, depth, 1), *size))
+
+
+def _only_page(pages: list[Directory]) -> Directory:
+    whole = [p for p in pages if not _tag(p, Tag.NEW_SUBFILE_TYPE, 0) & _REDUCED_IMAGE]
+    if len(whole) != 1:
+        raise BadInput(f"holds {len(whole)} pages; save the one that is meant as a file of its own")
+    return whole[0]
 
 
 def _sample_type(tags: Directory) -> tuple[bool, int]:
@@ -108,7 +127,7 @@ def _sample_type(tags: Directory) -> tuple[bool, int]:
 
 
 def _tag(tags: Directory, tag: Tag, default: int) -> int:
-    return tags.get(tag, (default,))[0]
+    return next(iter(tags.get(tag, ())), default)
 
 
 @dataclass(frozen=True)
@@ -146,6 +165,8 @@ def _walk(data: bytes, *, sub_directories: bool) -> Iterator[Directory]:
         position = waiting.pop(0)
         if position in seen:
             continue
+        if len(seen) > _MOST:
+            raise BadInput(f"has more than {_MOST} directories; save one page of it")
         seen.add(position)
         tags, following = _directory(data, position, layout)
         waiting.append(following)
@@ -163,7 +184,9 @@ def _directory(data: bytes, position: int, layout: _Layout) -> tuple[Directory, 
         tag, kind, count = layout.get("HH" + layout.word, data, position)
         field = position + 4 + layout.inline
         position = field + layout.inline
-        if tag in _WANTED and kind in _TYPES:
+        if tag in _WANTED and tag not in tags and kind in _TYPES:
+            if count > _MOST:
+                raise BadInput(f"has {count} values in its tag {tag}; export it again")
             code = f"{count}{_TYPES[kind]}"
             if struct.calcsize("=" + code) > layout.inline:
                 (field,) = layout.get(layout.word, data, field)

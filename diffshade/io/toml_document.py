@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
+import re
+import sys
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from math import isfinite
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
 from diffshade.errors import BadInput
+from diffshade.io.contents import read_text, within
 
 __all__ = ["Table", "read_toml"]
 
 
-def read_toml(path: Path) -> Table:
-    """The top table of a TOML file; raises `BadInput` for what is not there or not TOML."""
+_MANY_PARTS = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){100}""")
+"""`a.a.a. ...`: tomllib takes the square of their number to read them."""
+
+
+def read_toml(path: Path, *, allow_outside: bool = False) -> Table:
+    """The top table of a TOML file; raises `BadInput` for what is not there or not TOML.
+
+    The files that it names lie in its folder, unless `allow_outside`.
+    """
+    text = read_text(path)
+    if _MANY_PARTS.search(text):
+        raise BadInput(f"{path}: has a key of 100 parts; there is none in this format")
     try:
-        with path.open("rb") as file:
-            return Table(path, "", tomllib.load(file))
-    except FileNotFoundError:
-        raise BadInput(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{path}: this is not a text file; save it as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        detail = " ".join(str(error).split())
-        raise BadInput(f"{path}: is not valid TOML: {detail}; correct it") from None
+        return Table(path, "", tomllib.loads(text), allow_outside)
+    except (ValueError, RecursionError) as error:  # tomllib's own, and that of a number too long
+        raise BadInput(f"{path}: is not valid TOML: {error}; correct it") from None
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,8 @@ class Table:
     path: Path
     place: str
     values: Mapping[str, Any]
+    allow_outside: bool = False
+    """Whether files that it names may lie outside its folder."""
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -50,6 +57,16 @@ class Table:
         """Raise `BadInput` for this table."""
         place = f"{self.place}: " if self.place else ""
         raise BadInput(f"{self.path}: {place}{complaint}")
+
+    @contextmanager
+    def naming(self) -> Iterator[None]:
+        """Complaints about values, which know no file, get the file and place of this table."""
+        try:
+            yield
+        except BadInput as error:
+            if str(error).startswith(str(self.path)):
+                raise
+            self.fail(str(error))
 
     def expect(self, required: Iterable[str], optional: Iterable[str] = ()) -> None:
         """Refuse unknown keys, then missing ones."""
@@ -76,10 +93,10 @@ class Table:
         return value if value in choices else self._wrong(key, f"one of {quoted}")
 
     def whole(self, key: str) -> int:
-        """A whole number of at least 1."""
+        """A whole number of at least 1, and below 2^31."""
         value = self.values[key]
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            self._wrong(key, "a whole number of at least 1")
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value < 2**31:
+            self._wrong(key, "a whole number of at least 1, below 2^31")
         return value
 
     def number(self, key: str, *, least: float | None = None, above: float | None = None) -> Any:
@@ -106,15 +123,15 @@ class Table:
         return tuple(map(float, value)) if isinstance(value, list) else float(value)
 
     def file(self, key: str) -> Path:
-        """A path, relative to the folder of this file."""
-        return self.path.parent / self.text(key)
+        """A path, relative to the folder of this file, and in it."""
+        return within(self.path.parent, self.text(key), allow_outside=self.allow_outside)
 
     def table(self, key: str) -> Table:
         """A table inside this one."""
         value = self.values[key]
         if not isinstance(value, dict):
             self._wrong(key, "a table, such as { kind = ... }")
-        return Table(self.path, self._inside(key), value)
+        return replace(self, place=self._inside(key), values=value)
 
     def tables(self, key: str, called: str) -> list[Table]:
         """A list of tables, each `called` so and numbered from 1."""
@@ -122,7 +139,7 @@ class Table:
         if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
             self._wrong(key, "a list of tables, [{ ... }, { ... }]")
         return [
-            Table(self.path, self._inside(f"{called} {number}"), entry)
+            replace(self, place=self._inside(f"{called} {number}"), values=entry)
             for number, entry in enumerate(value, 1)
         ]
 
@@ -130,7 +147,7 @@ class Table:
         return f"{self.place}, {name}" if self.place else name
 
     def _wrong(self, key: str, wanted: str) -> NoReturn:
-        given = " ".join(repr(self.values[key]).split())
+        given = _shown(self.values[key])
         given = given if len(given) <= 60 else f"{given[:57]}..."
         self.fail(f"{key} is {given}; give {wanted}")
 
@@ -139,10 +156,17 @@ def _in_range(value: Any, least: float | None = None, above: float | None = None
     return (
         isinstance(value, int | float)
         and not isinstance(value, bool)
-        and isfinite(value)
+        and abs(value) <= sys.float_info.max  # NaN is not, nor an integer that is no float
         and (least is None or value >= least)
         and (above is None or value > above)
     )
+
+
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        return "a number too long to show"
 
 
 def _range(least: float | None, above: float | None) -> str:

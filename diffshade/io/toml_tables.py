@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.io.foreground import masked_gbuffer
+from diffshade.io.limits import check_size
 from diffshade.io.normals_file import NormalMap, normals_gbuffer, read_normals
 from diffshade.io.toml_document import Table
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from diffshade.light.base import AbstractLight
 
 __all__ = [
+    "View",
     "asks_for_fit",
     "channel_count",
     "read_light",
@@ -34,14 +36,23 @@ __all__ = [
 Mask = Bool[np.ndarray, "H W"]
 
 
-def read_view(top: Table) -> tuple[AbstractSurface | NormalMap, AbstractCamera | None]:
+class View(NamedTuple):
     """The `geometry` and the `camera` of a file; normals over an image may do without camera."""
-    geometry = _geometry(top.table("geometry"))
+
+    geometry: AbstractSurface | NormalMap
+    camera: AbstractCamera | None
+    notes: tuple[str, ...]
+    """What was found on reading a mesh."""
+
+
+def read_view(top: Table) -> View:
+    """What is seen, and from where."""
+    geometry, notes = _geometry(top.table("geometry"))
     if "camera" in top:
-        return geometry, _camera(top.table("camera"))
+        return View(geometry, _camera(top.table("camera")), notes)
     if not isinstance(geometry, NormalMap):
         top.fail('the key "camera" is missing; only geometry of kind "normals" needs none')
-    return geometry, None
+    return View(geometry, None, notes)
 
 
 def read_light(table: Table) -> AbstractLight:
@@ -57,12 +68,14 @@ def read_light(table: Table) -> AbstractLight:
         attenuation = None
         if "attenuation" in table:
             attenuation = _attenuation(table.table("attenuation"))
-        return PointLight(table.vector("position"), table.per_channel("intensity"), attenuation)
+        with table.naming():
+            return PointLight(table.vector("position"), table.per_channel("intensity"), attenuation)
     table.expect(("kind", "direction", "intensity"))
     direction = table.vector("direction")
     if not any(direction):
         table.fail("direction is zero; give the direction from the surface to the light")
-    return ParallelLight(direction, table.per_channel("intensity"))
+    with table.naming():
+        return ParallelLight(direction, table.per_channel("intensity"))
 
 
 def asks_for_fit(light: Table) -> str | None:
@@ -106,10 +119,8 @@ def view_through(
 
     if not isinstance(geometry, NormalMap):
         assert camera is not None
-        try:
+        with naming(path):
             return masked_gbuffer(geometry, camera, mask, shading=shading)
-        except BadInput as error:
-            raise BadInput(f"{path}: {error}") from None
     if not isinstance(shading, PhongShading | None):
         raise BadInput(f"{path}: a map of normals has no faces; leave out shading, or use a mesh")
     if camera is None:
@@ -123,22 +134,25 @@ def view_through(
     return normals_gbuffer(geometry, mask, camera.viewer)
 
 
-def _geometry(table: Table) -> AbstractSurface | NormalMap:
+def _geometry(table: Table) -> tuple[AbstractSurface | NormalMap, tuple[str, ...]]:
     """`{ kind = "sphere" | "mesh" | "normals", ... }`; files stand relative to the TOML file."""
     match table.choice("kind", ("sphere", "mesh", "normals")):
         case "sphere":
             from diffshade.geometry.sphere import Sphere
 
             table.expect(("kind", "center", "radius"))
-            return Sphere(table.vector("center"), table.number("radius", above=0.0))
+            with table.naming():
+                return Sphere(table.vector("center"), table.number("radius", above=0.0)), ()
         case "mesh":
-            from diffshade.io.mesh import load_mesh
+            from diffshade.io.mesh import read_mesh
 
             table.expect(("kind", "file"))
-            return load_mesh(table.file("file"))
+            file = table.file("file")
+            mesh, notes = read_mesh(file, allow_outside=table.allow_outside)
+            return mesh, tuple(f"{file.name}: {note}" for note in notes)
         case _:
             table.expect(("kind", "file"))
-            return read_normals(table.file("file"))
+            return read_normals(table.file("file")), ()
 
 
 def _camera(table: Table) -> AbstractCamera:
@@ -154,14 +168,13 @@ def _camera(table: Table) -> AbstractCamera:
     given: dict[str, Any] = {key: table.vector(key) for key in pose if key in table}
     size = table.whole("width"), table.whole("height")
     camera: AbstractCamera
-    if kind == "orthographic":
-        camera = OrthographicCamera(*size, table.number("extent", above=0.0), **given)
-    else:
-        camera = PerspectiveCamera(*size, table.number("fov", above=0.0), **given)
-    try:
+    with table.naming():
+        check_size((*size, 3))
+        if kind == "orthographic":
+            camera = OrthographicCamera(*size, table.number("extent", above=0.0), **given)
+        else:
+            camera = PerspectiveCamera(*size, table.number("fov", above=0.0), **given)
         camera.check()
-    except BadInput as error:
-        table.fail(str(error))
     return camera
 
 
@@ -169,11 +182,12 @@ def _attenuation(table: Table) -> AbstractAttenuation:
     """The law; with a `reach`, that within a window."""
     from diffshade.light.attenuation import Windowed
 
-    if "reach" not in table:
-        return _law(table, asked=set(table.values) == {"kind"})
-    reach = table.number("reach", above=0.0)
-    law = {key: value for key, value in table.values.items() if key != "reach"}
-    return Windowed(_law(dataclasses.replace(table, values=law), asked=False), reach)
+    with table.naming():
+        if "reach" not in table:
+            return _law(table, asked=set(table.values) == {"kind"})
+        reach = table.number("reach", above=0.0)
+        law = {key: value for key, value in table.values.items() if key != "reach"}
+        return Windowed(_law(dataclasses.replace(table, values=law), asked=False), reach)
 
 
 def _law(table: Table, asked: bool) -> AbstractAttenuation:

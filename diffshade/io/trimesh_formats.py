@@ -8,7 +8,7 @@ import json
 import logging
 import struct
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -17,8 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.geometry.triangulate import triangulate
+from diffshade.io.contents import read_bytes, within
+from diffshade.io.limits import FARTHEST, check_size
 
 __all__ = ["Part", "merged", "read_gltf", "read_ply", "read_stl"]
 
@@ -32,72 +34,118 @@ class Part(NamedTuple):
     """Those of the vertices, where the file has them."""
 
 
-def read_ply(path: Path) -> list[Part]:
+def read_ply(path: Path, allow_outside: bool) -> list[Part]:
     """Text or binary PLY. Of faces with different numbers of corners only text can be read, and
     there concave ones are cut as if they were convex.
     """
     from trimesh.exchange.ply import load_ply
 
-    # Without `fix_texture` vertices stay as they are at the seams of a texture.
-    read = _by_trimesh(path, load_ply, skip_materials=True, fix_texture=False)
-    part = _part(path, read)
-    for element, elements, found in (
-        ("vertex", "vertices", part.vertices),
-        ("face", "faces", part.faces),
-    ):
-        promised = read["metadata"]["_ply_raw"].get(element, {}).get("length", 0)
-        if len(found) < promised:
-            raise BadInput(
-                f"{path}: its header promises {promised} {elements}, and {len(found)} are there;"
-                " the file is cut off"
-            )
-    return [part]
+    data = read_bytes(path)
+    with _reading(path):
+        _check_ply(data)
+        # Without `fix_texture` vertices stay as they are at the seams of a texture.
+        read = load_ply(BytesIO(data), skip_materials=True, fix_texture=False)
+        part = _part(read)
+        for element, elements, found in (
+            ("vertex", "vertices", part.vertices),
+            ("face", "faces", part.faces),
+        ):
+            promised = read["metadata"]["_ply_raw"].get(element, {}).get("length", 0)
+            if len(found) < promised:
+                raise BadInput(
+                    f"its header promises {promised} {elements}, and {len(found)} are there; the"
+                    " file is cut off"
+                )
+        return [part]
 
 
-def read_stl(path: Path) -> list[Part]:
+def _check_ply(data: bytes) -> None:
+    """Refuse a header that claims too much: trimesh believes it."""
+    header, _, _ = data.partition(b"end_header")
+    count = claimed = 0
+    for line in header.splitlines():
+        words = line.split()
+        if words and b"element" in words[0]:
+            count = int(words[-1])
+        elif words and b"property" in words[0]:
+            claimed += count
+        if count < 0:
+            raise BadInput(f"its header promises {count} {words[1].decode()}; correct it")
+    check_size((claimed,))
+
+
+def read_stl(path: Path, allow_outside: bool) -> list[Part]:
     """Text or binary STL, one part a solid; corners at exactly the same place are one vertex."""
     from trimesh.exchange.stl import load_stl
 
-    read = _by_trimesh(path, load_stl)
-    solids = read["geometry"].values() if "geometry" in read else [read]
-    return [_joined(_part(path, solid)) for solid in solids]
+    data = read_bytes(path)
+    with _reading(path):
+        read = load_stl(BytesIO(data))
+        solids = read["geometry"].values() if "geometry" in read else [read]
+        return [_joined(_part(solid)) for solid in solids]
 
 
-def read_gltf(path: Path) -> list[Part]:
+def read_gltf(path: Path, allow_outside: bool) -> list[Part]:
     """glTF 2.0, `.gltf` or `.glb`, one part a primitive, at every place where a node puts it."""
     from trimesh.exchange.gltf import load_glb, load_gltf
-    from trimesh.resolvers import FilePathResolver
     from trimesh.scene.transforms import SceneGraph
 
+    data = read_bytes(path)
     load = load_glb if path.suffix.lower() == ".glb" else load_gltf
-    read = _by_trimesh(path, load, resolver=FilePathResolver(str(path)), skip_materials=True)
-    if unknown := _extensions_of_geometry(path):
-        raise BadInput(
-            f"{path}: needs the glTF extension {unknown[0]}, which is not read; export it without"
-            " compression"
-        )
-    graph = SceneGraph(base_frame=read.get("base_frame", "world"))
-    for edge in read["graph"]:
-        graph.update(**edge)
-    places: dict[Any, list[Float[np.ndarray, "4 4"]]] = {name: [] for name in read["geometry"]}
-    for node in graph.nodes_geometry:
-        matrix, name = graph[node]
-        places[name].append(np.asarray(matrix))
-    primitives = ((_part(path, read["geometry"][name]), at) for name, at in places.items() if at)
-    return [merged([_moved(part, matrix) for matrix in at]) for part, at in primitives]
+    with _reading(path):
+        _check_gltf(data)
+        beside: Any = _Beside(path.parent, allow_outside)
+        read = load(BytesIO(data), resolver=beside, skip_materials=True)
+        graph = SceneGraph(base_frame=read.get("base_frame", "world"))
+        for edge in read["graph"]:
+            graph.update(**edge)
+        geometry = read["geometry"]
+        places: dict[Any, list[Float[np.ndarray, "4 4"]]] = {name: [] for name in geometry}
+        for node in graph.nodes_geometry:
+            matrix, name = graph[node]
+            places[name].append(np.asarray(matrix))
+        values = {name: _value_count(part) for name, part in geometry.items()}
+        check_size((sum(values[name] * len(at) for name, at in places.items()),))
+        primitives = ((_part(geometry[name]), at) for name, at in places.items() if at)
+        return [merged([_moved(part, matrix) for matrix in at]) for part, at in primitives]
 
 
-def _extensions_of_geometry(path: Path) -> list[str]:
-    """Those that a file requires and that change its meshes, of which some versions of trimesh read
-    zeros.
+def _value_count(read: Mapping[str, Any]) -> int:
+    return sum(np.size(read.get(key, ())) for key in ("vertices", "faces", "vertex_normals"))
+
+
+class _Beside:
+    """The files that a glTF file names, as trimesh asks for them."""
+
+    def __init__(self, folder: Path, allow_outside: bool) -> None:
+        self.folder, self.allow_outside = folder, allow_outside
+
+    def __getitem__(self, name: str) -> bytes:
+        return read_bytes(within(self.folder, name, allow_outside=self.allow_outside))
+
+
+_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+
+def _check_gltf(data: bytes) -> None:
+    """Refuse accessors that claim too much, and extensions that change meshes, of which some versions
+    of trimesh read zeros.
     """
-    content = path.read_bytes()
-    if content[:4] == b"glTF":  # the header is the first chunk
-        (length,) = struct.unpack("<I", content[12:16])
-        content = content[20 : 20 + length]
-    required = json.loads(content).get("extensionsRequired", [])
+    if data[:4] == b"glTF":  # the header is the first chunk
+        (length,) = struct.unpack_from("<I", data, 12)
+        data = data[20 : 20 + length]
+    header = json.loads(data)
+    version = str(header.get("asset", {}).get("version", "2"))
+    if version.split(".")[0] != "2":
+        raise BadInput(f"is glTF {version}; export it as glTF 2.0")
+    accessors = header.get("accessors", [])
+    check_size((sum(int(a["count"]) * _COMPONENTS[a["type"]] for a in accessors),))
     harmless = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_")
-    return [name for name in required if not name.startswith(harmless)]
+    for name in header.get("extensionsRequired", []):
+        if not name.startswith(harmless):
+            raise BadInput(
+                f"needs the glTF extension {name}, which is not read; export it without compression"
+            )
 
 
 def merged(parts: list[Part]) -> Part:
@@ -115,20 +163,19 @@ def merged(parts: list[Part]) -> Part:
     )
 
 
-def _by_trimesh(path: Path, load: Callable[..., Any], **options: Any) -> Mapping[str, Any]:
-    """What a reader of trimesh makes of a file: all of it, or `BadInput`."""
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Whatever trimesh raises or logs for a file, and what does not fit together in it, is `BadInput`."""
     kind = path.suffix[1:].upper()
     remedy = "check that the file is whole and what its name says, or write it again"
     try:
-        content = BytesIO(path.read_bytes())
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    try:
-        with _complaints() as complaints, warnings.catch_warnings():
+        with naming(path), _complaints() as complaints, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             # how NumPy says that there is text where numbers belong
             warnings.filterwarnings("error", message=".*could not be read")
-            read: Mapping[str, Any] = load(content, **options)
+            yield
+    except BadInput:
+        raise
     except Exception as error:
         reason = next(iter(str(error).splitlines()), "") or type(error).__name__
         if isinstance(error, ModuleNotFoundError) and error.name == "charset_normalizer":
@@ -136,7 +183,6 @@ def _by_trimesh(path: Path, load: Callable[..., Any], **options: Any) -> Mapping
         raise BadInput(f"{path}: no {kind} file that can be read ({reason}); {remedy}") from None
     if complaints:
         raise BadInput(f"{path}: can be read only in part ({complaints[0]}); {remedy}")
-    return read
 
 
 @contextmanager
@@ -158,23 +204,33 @@ def _complaints() -> Iterator[list[str]]:
         logger.propagate = propagate
 
 
-def _part(path: Path, read: Mapping[str, Any]) -> Part:
-    vertices = np.asarray(read.get("vertices", ()), np.float64).reshape(-1, 3)
+def _part(read: Mapping[str, Any]) -> Part:
+    vertices = np.asarray(read.get("vertices", np.zeros((0, 3))), np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise BadInput(f"its vertices have shape {vertices.shape}; give three coordinates each")
     polygons = np.asarray(read.get("faces", ()), np.int64)
     if polygons.ndim != 2:  # of no faces
         polygons = polygons.reshape(-1, 3)
     normals = read.get("vertex_normals")
-    if not np.isfinite(vertices).all():
-        number = int(np.argmin(np.isfinite(vertices).all(axis=1)))
-        raise BadInput(f"{path}: vertex number {number} is not finite; repair the file")
+    _check_vertices(vertices)
     if polygons.size and not (polygons.min() >= 0 and polygons.max() < len(vertices)):
         raise BadInput(
-            f"{path}: faces refer to vertices {polygons.min()} to {polygons.max()} of"
-            f" {len(vertices)}; check that the file is whole"
+            f"faces refer to vertices {polygons.min()} to {polygons.max()} of {len(vertices)}; check"
+            " that the file is whole"
         )
+    if normals is not None:
+        normals = np.asarray(normals, np.float64).reshape(vertices.shape)
     corners = triangulate(vertices[polygons])
     faces = np.take_along_axis(polygons[:, None], corners, axis=2).reshape(-1, 3)
-    return Part(vertices, faces, None if normals is None else np.asarray(normals, np.float64))
+    return Part(vertices, faces, normals)
+
+
+def _check_vertices(vertices: Float[np.ndarray, "V 3"]) -> None:
+    near = (np.abs(vertices) < FARTHEST).all(axis=1)
+    if not near.all():
+        raise BadInput(
+            f"vertex number {np.argmin(near)} is not finite, or {FARTHEST:g} away; repair the file"
+        )
 
 
 def _joined(part: Part) -> Part:
@@ -197,4 +253,6 @@ def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
     if normals is not None:
         normals = normals @ (-cofactors if mirrored else cofactors).T
     faces = part.faces[:, ::-1] if mirrored else part.faces
-    return Part(part.vertices @ linear.T + shift, faces, normals)
+    vertices = part.vertices @ linear.T + shift
+    _check_vertices(vertices)
+    return Part(vertices, faces, normals)

@@ -77,7 +77,7 @@ def test_what_is_shaded_a_face_at_a_time_has_no_pixels_to_save(tmp_path: Path) -
         ({"normal": NORMAL, "slot": np.full((4, 5), -1)}, "slot"),
         ({"normal": NORMAL, "slot": np.ones((4, 5))}, "slot"),
         ({"normal": np.full((4, 5, 3), "up")}, "give numbers"),
-        ({"normal": np.array([{}])}, "is not an .npz of plain arrays"),
+        ({"normal": np.array([{}])}, "holds object values; give numbers"),
     ],
 )
 def test_what_is_none_is_refused(tmp_path: Path, arrays: dict[str, Any], told: str) -> None:
