@@ -88,9 +88,7 @@ def _opened(folder: Path, inputs: str, count: int) -> Path:
                 f"{folder}: this folder holds blocks of other images, scenes or options; choose"
                 " another, or remove it to start again"
             )
-        for left in folder.glob(TEMPORARY.format("*")):  # by a process that was killed
-            left.unlink(missing_ok=True)
-        return folder
+        return _tidied(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(not file.name.startswith(".") for file in folder.iterdir()):
@@ -103,6 +101,13 @@ def _opened(folder: Path, inputs: str, count: int) -> Path:
         ) from None
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(index))
+    return _tidied(folder)
+
+
+def _tidied(folder: Path) -> Path:
+    """Without what a process left that was killed as it wrote."""
+    for left in folder.glob(TEMPORARY.format("*")):
+        left.unlink(missing_ok=True)
     return folder
 
 

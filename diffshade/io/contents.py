@@ -57,7 +57,7 @@ def within(folder: Path, name: str, *, allow_outside: bool) -> Path:
         return path
     if not inside:
         raise BadInput(
-            f"{path}: lies outside the folder of the file that names it; move it there, or allow it"
-            " (--allow-outside, allow_outside=True)"
+            f"{folder}: {name} lies outside this folder; move it there, or allow it (--allow-outside,"
+            " allow_outside=True)"
         )
     return path
