@@ -163,10 +163,12 @@ def material_from_json(document: Table) -> tuple[Material, AbstractAttenuation |
     for lobe in table.tables("lobes", "lobe") if "lobes" in table else []:
         kind = LOBES[lobe.choice("kind", LOBES)]
         lobe.expect(("kind", "ks", "shininess"))
-        lobes.append(kind(lobe.per_channel("ks"), lobe.number("shininess", least=0.0)))
+        with lobe.naming():
+            lobes.append(kind(lobe.per_channel("ks"), lobe.number("shininess", least=0.0)))
     if not given and not lobes:
         table.fail("there is no coefficient; give ka, kd or a lobe")
-    material = Material(**given, specular=tuple(lobes))
+    with table.naming():
+        material = Material(**given, specular=tuple(lobes))
     if "attenuation" not in table:
         return material, None
     attenuation = table.table("attenuation")
@@ -180,7 +182,8 @@ def material_from_json(document: Table) -> tuple[Material, AbstractAttenuation |
         "linear": laws.LinearAttenuation,
         "exponential": laws.ExponentialAttenuation,
     }
-    return material, types[law](*(attenuation.number(name, least=0.0) for name in names))
+    with attenuation.naming():
+        return material, types[law](*(attenuation.number(name, least=0.0) for name in names))
 
 
 def _without_nulls(table: Table) -> Table:

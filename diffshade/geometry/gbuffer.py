@@ -351,7 +351,10 @@ def _image_of_vectors(name: str, value: ArrayLike, shape: tuple[int, int] | None
     if isinstance(value, jax.Array):
         array = value
     else:
-        with jax.ensure_compile_time_eval():  # inside jit too it decides the foreground
+        with (
+            jax.ensure_compile_time_eval(),  # inside jit too it decides the foreground
+            np.errstate(over="ignore"),  # what is infinite then is looked at as such
+        ):
             array = jax.device_put(np.asarray(value, jax.dtypes.canonicalize_dtype(float)))
     if not jnp.issubdtype(array.dtype, jnp.floating):
         array = array.astype(float)

@@ -60,10 +60,13 @@ def assemble(
     mask = np.asarray(gbuffer.mask)
     images, valid, clipped = [], [], []
     for k, photograph in enumerate(photographs):
-        linear = photograph.linear()
-        images.append(linear if divisors is None else linear / divisors[k].astype(linear.dtype))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite then is not used
+            linear = photograph.linear()
+            if divisors is not None:
+                linear = linear / divisors[k].astype(linear.dtype)
+        images.append(linear)
         clipped.append(mask & photograph.clipped)
-        valid.append(mask & photograph.usable & ~clipped[-1])
+        valid.append(mask & photograph.usable & np.isfinite(linear).all(axis=-1) & ~clipped[-1])
     names = tuple(p.name for p in photographs)
     empty = [name for name, pixels in zip(names, valid, strict=True) if not pixels.any()]
     if len(empty) == len(names):

@@ -6,6 +6,7 @@ base name, in any case of letters. The format has no intensities: all are 1, as 
 stands in the same folder, see `folder_geometry`.
 """
 
+import os
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
@@ -83,7 +84,7 @@ def parse_lp(path: Path) -> LightPositions:
             raise BadInput(f"{where}: {line!r} is not 'filename x y z'; correct the line")
         name = PureWindowsPath(words[0].strip("\"'")).name
         exact = path.parent / name
-        image = exact if exact.is_file() else beside.get(name.lower())
+        image = exact if os.path.isfile(exact) else beside.get(name.lower())
         if image is None:
             raise BadInput(f"{where}: there is no {name} beside it; copy the image there")
         images.append(image.name)

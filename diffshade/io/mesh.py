@@ -14,6 +14,7 @@ The facet normals of an STL file say nothing that its corners do not; a faceted 
 smoothing groups of OBJ files are not read.
 """
 
+import os
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -69,7 +70,7 @@ def read_mesh(
 ) -> tuple[Mesh, tuple[str, ...]]:
     """What `load_mesh` gives, and what it warns of."""
     suffix = path.suffix.lower()
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise BadInput(f"{path}: there is no such file; check the path")
     notes: tuple[str, ...] = ()
     with naming(path):

@@ -1,5 +1,6 @@
 """From the `.mtl` libraries of an OBJ file to materials."""
 
+import os
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -58,7 +59,7 @@ def _beside(folder: Path, names: str, allow_outside: bool) -> list[Path]:
         for name in split:
             # beside the OBJ file too where the name has a folder of the machine that wrote it
             candidates = (name, PureWindowsPath(name).name)
-            found += [c for c in candidates if (folder / c).is_file()][:1]
+            found += [c for c in candidates if os.path.isfile(folder / c)][:1]
         if split and len(found) == len(split):
             return [within(folder, name, allow_outside=allow_outside) for name in found]
     return []

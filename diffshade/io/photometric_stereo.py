@@ -83,6 +83,8 @@ def _intensities(file: Path, channels: int) -> list[Float[np.ndarray, "C"]]:
     for where, values in rows(file, 1, 3):
         if not (values > 0).all():
             raise BadInput(f"{where}: an intensity is not above 0; correct the line")
+        if not ((values > 1e-30) & (values < 1e30)).all():
+            raise BadInput(f"{where}: an intensity is beyond what single precision divides by")
         if len(values) > channels and (values == values[0]).all():
             values = values[:1]
         if len(values) not in (1, channels):

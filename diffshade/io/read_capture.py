@@ -39,15 +39,15 @@ def read_capture(
     """
     path = Path(path)
     options: Any = {"white": white, "encoding": encoding, "allow_outside": allow_outside}
-    if (path / "capture.toml").is_file():
+    if os.path.isfile(path / "capture.toml"):
         path = within(path, "capture.toml", allow_outside=allow_outside)
-    if path.is_dir():
+    if os.path.isdir(path):
         from diffshade.io.photometric_stereo import FILES, read_photometric_stereo
 
-        if not any((path / name).is_file() for name in FILES):
+        if not any(os.path.isfile(path / name) for name in FILES):
             raise BadInput(_no_capture_in(path, FILES))
         return read_photometric_stereo(path, **options, circle=circle)
-    if not path.exists():
+    if not os.path.exists(path):
         raise BadInput(f"{path}: there is no such file or folder; check the path")
     match path.suffix.lower():
         case ".lp":

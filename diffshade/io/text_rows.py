@@ -50,10 +50,11 @@ def rows(path: Path, *columns: int) -> list[tuple[str, Float[np.ndarray, "N"]]]:
 
 def direction(values: Float[np.ndarray, "3"], where: str) -> Float[np.ndarray, "3"]:
     """The unit vector of a light's direction; one too short to have a direction is refused."""
-    length = float(np.linalg.norm(values))
-    if length < 1e-6:
+    largest = float(np.abs(values).max())
+    if np.linalg.norm(values / max(largest, 1.0)) < 1e-6:
         raise BadInput(
-            f"{where}: the light's direction has length {length:.3g}, so it points nowhere;"
-            " give the direction from the surface to the light"
+            f"{where}: the light's direction has length {np.linalg.norm(values):.3g}, so it points"
+            " nowhere; give the direction from the surface to the light"
         )
-    return values / length
+    scaled = values / largest  # whose squares are finite, whatever the length
+    return scaled / np.linalg.norm(scaled)

@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 __all__ = ["Outcome", "fuzz", "main"]
 
+TESTS = Path(__file__).parents[1]
+sys.path += [str(TESTS / name) for name in ("", "io", "geometry", "fitting")]  # as pytest has them
 SECONDS, MEGABYTES = 20, 4096
 GUIDED = find_spec("atheris") is not None
 
@@ -49,7 +51,7 @@ def fuzz(parser: str, cases: int, seed: int, keep: Path) -> Outcome:
             text=True,
             errors="replace",
             check=False,
-            env={**os.environ, "JAX_PLATFORMS": "cpu"},
+            env={**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": os.pathsep.join(sys.path)},
         )
     seconds = time.perf_counter() - started
     counts = [line.split() for line in done.stderr.splitlines() if line.startswith("counts ")]
