@@ -1,14 +1,15 @@
 """Error against run time: precision and path, shading frequency, lights left out, pixels used by a fit.
 
-    python -m benchmarks.suite trade-offs        measures, and draws shading.png
+    python -m benchmarks.suite trade-offs        measures, and draws trade-offs.png
 
 Curves of points (label, milliseconds, error), one core, CPU time. Errors are the largest, over pixels
-and channels, beside the image in float64 of the plain path or of the true sphere; those of a fit are the
-largest relative ones over its coefficients.
+and channels, beside the image in float64 of the plain path; of shading frequencies the root mean square,
+beside the true sphere; of fits the largest relative ones of k_d and n.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import jax
@@ -19,10 +20,13 @@ import fitting
 from benchmarks import many_lights
 from benchmarks.figures import Figure, ask, in_turn, median
 from benchmarks.mesh import icosphere
-from benchmarks.scenes import EYE, Case, ours, perspective
+from benchmarks.scenes import EYE, ours, perspective
+from benchmarks.scenes import Case as Ball
 
 __all__ = ["figures", "run"]
 
+Case = tuple[str, str]
+"""The name of a curve, and a label on it."""
 Point = tuple[str, float, float]
 ROUNDS = 7
 FREQUENCIES = {
@@ -40,41 +44,40 @@ def measure(what: str) -> dict[str, list[Point]]:
 def paths() -> dict[str, list[Point]]:
     """This process's precision, plain and led, from 128 x 128 to 1,024 x 1,024."""
     bits = 64 if jax.config.jax_enable_x64 else 32
-    curves: dict[str, list[Point]] = {}
+    calls, exact = {}, {}
     for size in (128, 256, 512, 1024):
         with jax.enable_x64(True):
-            exact = np.asarray(ds.render(*_ball(size), plain=True))
+            image = np.asarray(ds.render(*_ball(size), plain=True))
         arguments = _ball(size)
-        calls = {
-            f"float{bits}, {name}": _rendered(*arguments, plain=plain)
-            for name, plain in (("led", False), ("plain", True))
-        }
-        for name, milliseconds in _timed(calls).items():
-            error = float(np.abs(np.asarray(calls[name]()) - exact).max())
-            curves.setdefault(name, []).append((f"{size}", milliseconds, error))
-    return curves
+        for path, plain in (("led", False), ("plain", True)):
+            case = f"float{bits}, {path}", f"{size}"
+            calls[case], exact[case] = _rendered(*arguments, plain=plain), image
+
+    def error(case: Case) -> float:
+        return float(np.abs(np.asarray(calls[case]()) - exact[case]).max())
+
+    return _curves(calls, error)
 
 
 def frequencies() -> dict[str, list[Point]]:
     """A sphere's triangles shaded once a face, a vertex and a pixel: beside the sphere itself."""
-    size = 512
-    camera = ds.OrthographicCamera(size, size, 2.2)
-    _, scene, material = ours(Case(size=size))
+    camera = ds.OrthographicCamera(512, 512, 2.2)
+    _, scene, material = ours(Ball(size=512))
     exact = np.asarray(ds.render(ds.gbuffer(ds.Sphere(), camera), scene, material))
-    curves: dict[str, list[Point]] = {}
+    calls, both = {}, {}
     for levels in (2, 3, 4, 5, 6):
         mesh = icosphere(levels)
-        surfaces = {
-            name: ds.gbuffer(mesh, camera, shading=frequency)
-            for name, frequency in FREQUENCIES.items()
-        }
-        calls = {name: _rendered(g, scene, material) for name, g in surfaces.items()}
-        for name, milliseconds in _timed(calls).items():
-            off = np.asarray(calls[name]()) - exact
-            both = surfaces[name].mask & (exact.sum(-1) > 0)  # the silhouette is another question
-            error = float(np.sqrt((off[both] ** 2).mean()))
-            curves.setdefault(name, []).append((f"{20 * 4**levels:,}", milliseconds, error))
-    return curves
+        for name, frequency in FREQUENCIES.items():
+            case = name, f"{20 * 4**levels:,}"
+            surface = ds.gbuffer(mesh, camera, shading=frequency)
+            calls[case] = _rendered(surface, scene, material)
+            both[case] = surface.mask & (exact.sum(-1) > 0)  # silhouettes are another question
+
+    def error(case: Case) -> float:
+        off = np.asarray(calls[case]()) - exact
+        return float(np.sqrt((off[both[case]] ** 2).mean()))
+
+    return _curves(calls, error)
 
 
 def tolerances() -> dict[str, list[Point]]:
@@ -92,7 +95,7 @@ def tolerances() -> dict[str, list[Point]]:
 def fits() -> dict[str, list[Point]]:
     """A fit of noisy observations, of all of the pixels and of ever fewer."""
     size = 512
-    gbuffer, scene, material = ours(Case(size=size), perspective(Case(size)))
+    gbuffer, scene, material = ours(Ball(size=size), perspective(Ball(size)))
     exact = np.asarray(ds.render(gbuffer, scene, material))
     rng = np.random.default_rng(0)
     noisy = (exact + rng.normal(0, 0.005, exact.shape)).astype(exact.dtype)
@@ -101,23 +104,22 @@ def fits() -> dict[str, list[Point]]:
     position, normal = (
         np.asarray(gbuffer.to_image((v.x, v.y, v.z))) for v in (gbuffer.position, gbuffer.normal)
     )
-    points: list[Point] = []
+    calls: dict[Case, Callable[[], fitting.Fit]] = {}
     for share in (64, 16, 4, 1):
         chosen = np.zeros(size * size, bool)
         chosen[rng.permutation(inside)[: len(inside) // share]] = True
         few = ds.GBuffer.from_arrays(position, normal, chosen.reshape(size, size), eye=EYE)
+        label = f"1/{share}" if share > 1 else "all"
+        calls["k_d and n, noise 0.005", label] = partial(fitting.fit, noisy, few, scene)
 
-        def fit(few: ds.GBuffer = few) -> fitting.Fit:
-            return fitting.fit(noisy, few, scene)
-
-        milliseconds = _timed({"fit": fit})["fit"]
-        found = fit().coefficients
-        error = max(
+    def error(case: Case) -> float:
+        found = calls[case]().coefficients
+        return max(
             float(np.abs(np.asarray(found[name]) / np.asarray(value) - 1).max())
             for name, value in truth.items()
         )
-        points.append((f"1/{share}" if share > 1 else "all", milliseconds, error))
-    return {"k_d and n, noise 0.005": points}
+
+    return _curves(calls, error)
 
 
 MEASURED: dict[str, Callable[[], dict[str, list[Point]]]] = {
@@ -129,7 +131,7 @@ MEASURED: dict[str, Callable[[], dict[str, list[Point]]]] = {
 
 
 def _ball(size: int) -> tuple[Any, Any, Any]:
-    case = Case(size=size)
+    case = Ball(size=size)
     return ours(case, perspective(case))
 
 
@@ -137,10 +139,15 @@ def _rendered(g: Any, scene: Any, material: Any, plain: bool = False) -> Callabl
     return lambda: ds.render(g, scene, material, plain=plain).block_until_ready()
 
 
-def _timed(calls: dict[str, Callable[[], Any]]) -> dict[str, float]:
-    """Median milliseconds."""
-    seen = in_turn(calls, ROUNDS, time.process_time)
-    return {name: 1e3 * median(times) for name, times in seen.items()}
+def _curves(
+    calls: Mapping[Case, Callable[[], Any]], error: Callable[[Case], float]
+) -> dict[str, list[Point]]:
+    """Median times, all in turn, and errors, by the names of the curves."""
+    curves: dict[str, list[Point]] = {}
+    for case, times in in_turn(calls, ROUNDS, time.process_time).items():
+        name, label = case
+        curves.setdefault(name, []).append((label, 1e3 * median(times), error(case)))
+    return curves
 
 
 def run() -> dict[str, Any]:
