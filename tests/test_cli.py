@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -91,6 +92,11 @@ def test_help_names_what_a_command_takes(
     listed = told[told.index("\n\n") :]  # behind the usage
     for word in words.split("|"):
         assert word in listed, word
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"diffshade {version('diffshade')}\n"
 
 
 def test_help_whose_reader_is_gone(cache: str) -> None:

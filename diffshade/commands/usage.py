@@ -1,7 +1,7 @@
 """The words that each command takes, and its help. Imports little, so that help is there at once."""
 
 import re
-from argparse import ArgumentParser
+from argparse import SUPPRESS, Action, ArgumentParser
 from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -29,6 +29,7 @@ def parse(arguments: Sequence[str]) -> dict[str, Any]:
         prog="diffshade",
         description="Shading under known lights, and materials from photographs.",
     )
+    program.add_argument("--version", action=_Version)
     commands = program.add_subparsers(
         title="commands", metavar="COMMAND", dest="command", required=True
     )
@@ -57,6 +58,19 @@ class _Parser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise WrongUsage(f"{message.removeprefix('argument ')}; see {self.prog} --help")
+
+
+class _Version(Action):
+    """Prints the version, which is looked up only then."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        super().__init__(option_strings, SUPPRESS, nargs=0, help="Print the version.")
+
+    def __call__(self, parser: ArgumentParser, *_: Any) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"diffshade {version('diffshade')}")
+        parser.exit()
 
 
 def _demo(parser: ArgumentParser) -> None:

@@ -37,7 +37,7 @@ CHUNK_OF_TILE = 8
 CHUNK_ELSEWHERE = 32
 TOGETHER = 32
 """So many arrays XLA stacks in one loop."""
-HELD = 32
+AT_ONCE = 32
 """So many lights at the most have all that their derivative reads kept at once, for a page of pixels."""
 
 
@@ -168,7 +168,7 @@ def _in_chunks(
     chunks = many.chunks(size)
     shapes = jax.eval_shape(lambda: of_chunk(chunks.one(0)))
     start = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-    if is_keeping() and many.count <= HELD:
+    if is_keeping() and many.count <= AT_ONCE:
         return chunks, of_chunk, start
     # A derivative computes a chunk's terms again, rather than keep those of all lights.
     return chunks, jax.checkpoint(of_chunk), start
