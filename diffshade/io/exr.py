@@ -6,9 +6,6 @@
 import math
 import os
 import struct
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
-from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +15,7 @@ from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, Pixels
 from diffshade.io.encoding import Encoding
 from diffshade.io.limits import check_size
+from diffshade.io.quiet import quietly
 
 __all__ = ["SIGNATURE", "read", "read_channels", "write"]
 
@@ -55,7 +53,7 @@ def read_channels(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     import OpenEXR
 
     expected_parts = _check_structure(Path(path).read_bytes())
-    with _quietly(), OpenEXR.File(os.fspath(path), separate_channels=True) as file:
+    with quietly(), OpenEXR.File(os.fspath(path), separate_channels=True) as file:
         # OpenEXR leaves out a part that it cannot decode, without raising.
         if len(file.parts) != expected_parts:
             raise BadInput("is damaged: not all of it decodes; copy or export it again")
@@ -69,20 +67,6 @@ def read_channels(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     if len({pixels.shape for pixels in channels.values()}) != 1:
         raise BadInput("has parts of different sizes; save the one that is meant alone")
     return channels
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """OpenEXR says what it thinks of a damaged file on standard output and error: our caller's."""
-    with ExitStack() as stack:
-        stack.enter_context(redirect_stdout(StringIO()))
-        with suppress(OSError):  # there may be no standard error
-            kept = os.dup(2)
-            stack.callback(os.close, kept)
-            stack.callback(os.dup2, kept, 2)
-            with open(os.devnull, "wb") as nowhere:
-                os.dup2(nowhere.fileno(), 2)
-        yield
 
 
 def write(path: Path, linear: Pixels) -> None:

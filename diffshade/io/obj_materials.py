@@ -59,6 +59,7 @@ def _beside(folder: Path, names: str, allow_outside: bool) -> list[Path]:
         for name in split:
             # beside the OBJ file too where the name has a folder of the machine that wrote it
             candidates = (name, PureWindowsPath(name).name)
+            # unlike Path's, this test does not raise where a name is too long
             found += [c for c in candidates if os.path.isfile(folder / c)][:1]
         if split and len(found) == len(split):
             return [within(folder, name, allow_outside=allow_outside) for name in found]

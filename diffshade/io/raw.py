@@ -6,6 +6,7 @@ from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, with_channels
 from diffshade.io.encoding import Encoding
 from diffshade.io.limits import check_size
+from diffshade.io.quiet import quietly
 
 __all__ = ["SIGNATURES", "read"]
 
@@ -36,7 +37,7 @@ def read(path: Path) -> Decoded:
             "is a camera RAW file, which needs the package rawpy; pip install 'diffshade[raw]'"
         ) from None
 
-    with rawpy.RawPy() as raw:
+    with quietly(), rawpy.RawPy() as raw:
         raw.open_file(str(path))
         check_size((raw.sizes.raw_height, raw.sizes.raw_width, 3))
         raw.unpack()
