@@ -1,6 +1,7 @@
 """MATLAB's `.mat` files of versions 4 to 7: one array of numbers from them."""
 
 import struct
+import warnings
 import zlib
 from io import BytesIO
 from pathlib import Path
@@ -26,7 +27,8 @@ def read_matlab(path: Path, key: str) -> np.ndarray:
 
     data = read_bytes(path)
     try:
-        with naming(path):
+        with naming(path), warnings.catch_warnings():
+            warnings.simplefilter("error")  # SciPy's, of what it reads wrongly
             file = BytesIO(_unpacked(data))
             held = {name: (shape, kind) for name, shape, kind in whosmat(file)}
             if key not in held:

@@ -5,6 +5,7 @@ from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from diffshade.arrays import floats
+from diffshade.errors import naming
 from diffshade.io.contents import within
 from diffshade.io.mtl import Colour, Mtl, read_mtl
 from diffshade.io.obj import Obj
@@ -49,7 +50,8 @@ def read_materials(
     notes: tuple[str, ...] = ()
     if textures := sorted({key for material in used for key in material.maps}):
         notes = (f"textures are not read ({', '.join(textures)}): every material has one colour",)
-    return _of_one_form(used), notes
+    with naming(path):
+        return _of_one_form(used), notes
 
 
 def _beside(folder: Path, names: str, allow_outside: bool) -> list[Path]:

@@ -128,8 +128,8 @@ _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 
 
 
 def _check_gltf(data: bytes) -> None:
-    """Refuse accessors that claim too much, and extensions that change meshes, of which some versions
-    of trimesh read zeros.
+    """Refuse accessors that claim too much, and what trimesh would read zeros of: accessors of a mesh
+    that are not plain, and extensions that change meshes.
     """
     if data[:4] == b"glTF":  # the header is the first chunk
         (length,) = struct.unpack_from("<I", data, 12)
@@ -146,6 +146,16 @@ def _check_gltf(data: bytes) -> None:
             raise BadInput(
                 f"needs the glTF extension {name}, which is not read; export it without compression"
             )
+    for mesh in header.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            attributes = primitive["attributes"]
+            used = [attributes[key] for key in ("POSITION", "NORMAL") if key in attributes]
+            for number in (*used, primitive.get("indices")):
+                if number is not None and "bufferView" not in accessors[number]:
+                    raise BadInput(
+                        f"accessor {number} has no data (it may be sparse, or compressed): it would"
+                        " be read as zeros; export plain arrays"
+                    )
 
 
 def merged(parts: list[Part]) -> Part:

@@ -84,7 +84,8 @@ def _start(blocks: Path, result: Path) -> subprocess.Popen[str]:
         text=True,
     )
     assert process.stdout is not None
-    assert process.stdout.readline().strip() == BEGUN
+    with process.stdout as said:  # and nothing more is
+        assert said.readline().strip() == BEGUN
     return process
 
 

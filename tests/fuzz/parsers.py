@@ -4,7 +4,7 @@
 
 Coverage-guided by `atheris` (the extra `fuzz`) where it is installed, and by random damage alone, which
 is said, where it is not. Each parser has a process of its own, so that a crash of a library, an endless
-loop (20 seconds) or a hunger for memory (4 GiB) is a finding like any other. What breaks a parser is kept
+loop (60 seconds) or a hunger for memory (4 GiB) is a finding like any other. What breaks a parser is kept
 in a file; exit status 1 says that there is one.
 """
 
@@ -22,7 +22,7 @@ __all__ = ["Outcome", "fuzz", "main"]
 
 TESTS = Path(__file__).parents[1]
 sys.path += [str(TESTS / name) for name in ("", "io", "geometry", "fitting")]  # as pytest has them
-SECONDS, MEGABYTES = 20, 4096
+SECONDS, MEGABYTES = 60, 4096
 GUIDED = find_spec("atheris") is not None
 
 

@@ -1,5 +1,6 @@
 """What the fuzzer found, kept: each broke a parser once, by an exception, a warning or a bad message."""
 
+import struct
 from pathlib import Path
 
 import jax
@@ -14,6 +15,7 @@ FOUND = {
     "one that images divided by are 0": ("light_intensities.txt", "0.8", "1e300", False),
     "a coefficient that overflows float32": ("fit.json", "32.5", "1" + "0" * 156, False),
     "a constant that does": ("fit.json", "0.25", "1e60", False),
+    "a colour that does": ("mtl", "0.8", "6" * 90, False),
     "a name that is too long": ("obj", "v 0 0 0", f"mtllib {'a' * 300}\nusemtl a\nv 0 0 0", True),
     "one of an image": ("lp", "b.png", "b" * 300, False),
     "an absolute path": ("capture", '"a.png"', '"/a.png"', False),
@@ -39,3 +41,11 @@ def test_normals_that_overflow_float32_are_refused(parser: str, tmp_path: Path) 
     assert number in target.valid
     with jax.enable_x64(False):
         assert not target.attempt(target.valid.replace(number, huge, 1))
+
+
+def test_what_scipy_warns_of_is_refused(tmp_path: Path) -> None:
+    """A file without a header, whose first number says that it is of a VAX."""
+    (format,) = (f for f in formats() if f.name == "mat")
+    target = Target(format, tmp_path)
+    vax = struct.pack("<5i", 2000, 1, 1, 0, 10) + b"Normal_gt\0" + bytes(8)
+    assert not target.attempt(vax)

@@ -246,21 +246,29 @@ def _gltf_headers() -> Iterator[tuple[str, str, Callable[[dict[str, Any]], objec
         del header["accessors"][0]["bufferView"]
 
     yield "absurd header", "3e9 vertices from nothing", from_nothing
+    yield "missing key", "vertices from nothing", without("accessors", 0, "bufferView")
+    yield "missing key", "indices from nothing", without("accessors", 1, "bufferView")
     yield "absurd header", "10^30 indices", accessor(1, count=10**30)
     yield "absurd header", "a long view", lambda h: h["bufferViews"][0].update(byteLength=2**40)
 
+    def million(header: dict[str, Any]) -> None:
+        """A million faces, in so many bytes more."""
+        header["more"] = 2 * 3 * 10**6
+        at = sum(view["byteLength"] for view in header["bufferViews"])
+        header["bufferViews"].append({"buffer": 0, "byteOffset": at, "byteLength": header["more"]})
+        header["accessors"][1] |= {"bufferView": 2, "count": 3 * 10**6}
+        header["buffers"][0]["byteLength"] += header["more"]
+
     def instances(header: dict[str, Any]) -> None:
         """A million corners at a thousand places: no file of any size, but 3e9 numbers."""
-        header["accessors"][1]["count"] = 3 * 10**6
-        del header["accessors"][1]["bufferView"]
+        million(header)
         header["nodes"] = [{"mesh": 0} for _ in range(1000)]
         header["scenes"][0]["nodes"] = list(range(1000))
 
     yield "bomb", "a thousand places", instances
 
     def primitives(header: dict[str, Any]) -> None:
-        header["accessors"][1]["count"] = 3 * 10**6
-        del header["accessors"][1]["bufferView"]
+        million(header)
         header["meshes"][0]["primitives"] *= 1000
 
     yield "bomb", "a thousand primitives", primitives
@@ -313,12 +321,14 @@ def of_gltf() -> Iterator[Case]:
         def text(content: bytes, change: Callable[[dict[str, Any]], object] = change) -> bytes:
             header = json.loads(content)
             change(header)
+            more = base64.b64encode(bytes(header.pop("more", 0))).decode()
+            header["buffers"][0]["uri"] += more
             return json.dumps(header).encode()
 
         def binary(_: bytes, change: Callable[[dict[str, Any]], object] = change) -> bytes:
             header, data = gltf([{}])
             change(header)
-            return glb(header, data)
+            return glb(header, data + bytes(header.pop("more", 0)))
 
         yield damaged(GLTF, kind, name, text)
         yield damaged(GLB, kind, name, binary)
