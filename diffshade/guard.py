@@ -118,9 +118,10 @@ def _(y: Plane, planes: Any, tangents: Any) -> Plane:
 @Node
 def power_of_log(log_x: Plane, n: Plane) -> Plane:
     """The other half: x**n from `log_base(x)`."""
-    exponent = n * log_x  # NaN where the lobe is dark and n = 0
-    vanishes = (log_x == -jnp.inf) | (exponent <= math.log(_smallest(log_x)))
-    return jnp.where(vanishes, 0, jnp.exp(exponent))
+    dark = log_x == -jnp.inf
+    exponent = n * jnp.where(dark, 0, log_x)
+    vanishes = dark | (exponent <= math.log(_smallest(log_x)))
+    return _guarded(jnp.exp, exponent, vanishes)
 
 
 @power_of_log.derivative
