@@ -38,6 +38,17 @@ class Figure(NamedTuple):
         return "less" if self.least is None else "more"
 
     @property
+    def shown(self) -> str:
+        """Its value in words."""
+        return f"{self.value:.3g} {self.unit}".strip()
+
+    @property
+    def asked(self) -> str:
+        """Its bounds in words."""
+        bounds = (("at least", self.least), ("at most", self.most))
+        return ", ".join(f"{word} {bound:.3g}" for word, bound in bounds if bound is not None)
+
+    @property
     def holds(self) -> bool | None:
         """Whether the bounds are kept; None where there are none. NaN keeps no bound."""
         if self.least is None and self.most is None:
@@ -50,10 +61,8 @@ def table(figures: Iterable[Figure]) -> str:
     """The figures as Markdown."""
     lines = ["| figure | measured | asked | holds |", "|---|---|---|---|"]
     for figure in figures:
-        bounds = (("at least", figure.least), ("at most", figure.most))
-        asked = ", ".join(f"{word} {bound:.3g}" for word, bound in bounds if bound is not None)
         holds = {None: "", True: "yes", False: "**no**"}[figure.holds]
-        cells = (figure.name, f"{figure.value:.3g} {figure.unit}".strip(), asked, holds)
+        cells = (figure.name, figure.shown, figure.asked, holds)
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

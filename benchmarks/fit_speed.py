@@ -1,6 +1,5 @@
 """Run time of a fit beside its error, warm, from image and G-buffer to coefficients, float32."""
 
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import diffshade as ds
 import fitting
 from benchmarks import fit_rivals as rivals
-from benchmarks.figures import Figure, ask, median, paired_ratio
+from benchmarks.figures import Figure, ask, in_turn, median, paired_ratio
 from benchmarks.fit_truths import (
     Ball,
     Truth,
@@ -105,9 +104,6 @@ def measure(truths: int, rounds: int, start: str) -> dict[str, Any]:
         }
         for picture in pictures
     ]
-    for calls in sizes:
-        for call in calls.values():
-            call()
     return {
         "start": start,
         "schedule": schedule,
@@ -141,14 +137,13 @@ def _coloured(truth: Truth) -> Truth:
 
 def _interleaved(turns: list[dict[str, Callable[[], Any]]], rounds: int) -> dict[str, list[float]]:
     """Seconds by name, one for each round and set of turns, all names in turn within each."""
-    seen: dict[str, list[float]] = {name: [] for name in turns[0]}
-    for _ in range(rounds):
-        for calls in turns:
-            for name, call in calls.items():
-                started = time.perf_counter()
-                call()
-                seen[name].append(time.perf_counter() - started)
-    return seen
+    seen = in_turn(
+        {(k, name): calls[name] for k, calls in enumerate(turns) for name in calls}, rounds
+    )
+    each = range(len(turns))
+    return {
+        name: [seen[k, name][number] for number in range(rounds) for k in each] for name in turns[0]
+    }
 
 
 def run(truths: int = 5, rounds: int = 5, start: str = "guess") -> dict[str, Any]:

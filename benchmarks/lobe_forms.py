@@ -16,8 +16,7 @@ from diffshade import guard
 from diffshade.arrays import coefficients, positive
 from diffshade.channels import channels
 from diffshade.fusion import Node
-from diffshade.reflectance.lobe import AbstractLobe
-from diffshade.reflectance.phong import log_cosine
+from diffshade.reflectance.lobe import AbstractLobe, log_cosine
 from diffshade.shading.image import image_planes
 from diffshade.shading.kept_geometry import KeptGeometry
 from diffshade.vector import Vec3, dot, reflect, versine
@@ -56,6 +55,11 @@ def of_log1p(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
     return _log1p(_versine(n, l, v, n_dot_l))
 
 
+def ours(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
+    """The package's."""
+    return log_cosine(reflect(l, n), v, n_dot_l)
+
+
 @Node
 def _log1p(q: Plane) -> Plane:
     dark = q >= 1
@@ -75,7 +79,7 @@ FORMS: dict[str, Form] = {
     "log(r.v / (|r| |v|))": of_unit_lengths,
     "log(1 - |r - v|^2 / 2)": of_rest,
     "log1p(-|r - v|^2 / 2)": of_log1p,
-    "the package's": log_cosine,
+    "the package's": ours,
 }
 
 

@@ -64,15 +64,13 @@ def table(figures: list[Figure], before: dict[str, Any]) -> tuple[str, bool]:
     fine = True
     for figure in figures:
         old = before.get(figure.name)
-        bounds = (("at least", figure.least), ("at most", figure.most))
-        asked = ", ".join(f"{word} {bound:.3g}" for word, bound in bounds if bound is not None)
         remarks = [] if figure.holds is not False else ["**short of what is asked**"]
         if old is not None and is_worse(figure, old["value"]):
             remarks.append("**worse**")
             fine = False
-        value = f"{figure.value:.3g} {figure.unit}".strip()
         was = "" if old is None else f"{old['value']:.3g}"
-        lines.append(f"| {figure.name} | {value} | {was} | {asked} | {', '.join(remarks)} |")
+        cells = (figure.name, figure.shown, was, figure.asked, ", ".join(remarks))
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines), fine
 
 

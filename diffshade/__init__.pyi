@@ -6,10 +6,10 @@ from .geometry.frequency import FlatShading as FlatShading
 from .geometry.frequency import GouraudShading as GouraudShading
 from .geometry.frequency import PhongShading as PhongShading
 from .geometry.gbuffer import GBuffer as GBuffer
-from .geometry.gbuffer import gbuffer as gbuffer
-from .geometry.gbuffer import visibility as visibility
 from .geometry.mesh import Mesh as Mesh
 from .geometry.sphere import Sphere as Sphere
+from .geometry.view import gbuffer as gbuffer
+from .geometry.view import visibility as visibility
 from .io.mesh import load_mesh as load_mesh
 from .light.attenuation import ExponentialAttenuation as ExponentialAttenuation
 from .light.attenuation import InverseSquare as InverseSquare

@@ -27,8 +27,9 @@ class BadInput(ValueError):
 
 
 @contextmanager
-def naming(path: object) -> Iterator[None]:
-    """Complaints about values, which know no file, get the name of theirs; others have it already.
+def naming(path: object, place: str = "") -> Iterator[None]:
+    """Complaints about values, which know no file, get the name of theirs, and the place in it; others
+    have it already.
 
     >>> with naming("a.toml"):
     ...     raise BadInput("is empty")
@@ -40,4 +41,5 @@ def naming(path: object) -> Iterator[None]:
     except BadInput as error:
         if str(error).startswith(str(path)):
             raise
-        raise BadInput(f"{path}: {error}") from None
+        inside = f"{place}: " if place else ""
+        raise BadInput(f"{path}: {inside}{error}") from None

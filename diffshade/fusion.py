@@ -182,7 +182,8 @@ class Node:
     """A function of planes whose derivative is written with its value.
 
     `@node.derivative` declares it: from the value, the planes and their tangents (`SymbolicZero` where
-    a plane is not perturbed) to the tangent of the value.
+    a plane is not perturbed) to the tangent of the value. The function itself needs finite derivatives
+    too: in reverse mode JAX differentiates what a loop knows beforehand a second time without the rule.
     """
 
     def __init__(self, f: Callable[..., Array]) -> None:

@@ -105,7 +105,9 @@ def log_one_minus(q: Plane) -> Plane:
     matters, and is small against it elsewhere.
     """
     rest = 1 - q
-    return jnp.log(jnp.maximum(rest, 0)) + ((1 - rest) - q)
+    dark = rest <= 0
+    lit = jnp.where(dark, 1, rest)
+    return jnp.where(dark, -jnp.inf, jnp.log(lit) + ((1 - rest) - q))
 
 
 @log_one_minus.derivative

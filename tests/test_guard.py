@@ -84,6 +84,28 @@ def test_the_logarithm_of_what_is_left_of_one(tolerance: float) -> None:
         assert jax.hessian(guard.log_one_minus)(at) == 0
 
 
+@pytest.mark.parametrize(
+    ("node", "at"),
+    [
+        (guard.reciprocal_sqrt, (0.0,)),
+        (guard.reciprocal, (0.0,)),
+        (guard.log_base, (0.0,)),
+        (guard.log_one_minus, (1.0,)),
+        (guard.log_one_minus, (0.3,)),
+        (guard.power_of_log, (-np.inf, 2.0)),
+        (guard.power_of_log, (-0.5, 2.0)),
+    ],
+)
+def test_a_node_without_its_rule_has_the_same_derivatives(node: Any, at: Any) -> None:
+    """JAX forgets the rule where a loop with a checkpoint is differentiated in reverse and again."""
+    places = tuple(jnp.asarray(x, float) for x in at)
+    every = tuple(range(len(at)))
+    plain = node._f
+    for derivative in (jax.grad, jax.hessian):
+        ours, bare = derivative(node, every)(*places), derivative(plain, every)(*places)
+        np.testing.assert_allclose(jax.tree.leaves(bare), jax.tree.leaves(ours), rtol=1e-5)
+
+
 @pytest.mark.parametrize("lobe", [phong, blinn_phong])
 @pytest.mark.parametrize("n", [0.0, 0.5, 1.0, 1e5])
 def test_a_lobe_of_no_direction_is_dark(lobe: Any, n: float) -> None:

@@ -1,12 +1,15 @@
 """The content of a plain file, or one line that says why there is none."""
 
 import stat
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.io.limits import VARIABLE, largest
 
-__all__ = ["read_bytes", "read_text", "within"]
+__all__ = ["read_bytes", "read_text", "refusing", "within"]
 
 _BYTES = 8
 """Of a value, at most."""
@@ -42,6 +45,22 @@ def read_text(path: Path) -> str:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise BadInput(f"{path}: this is not a text file; save it as UTF-8 text") from None
+
+
+@contextmanager
+def refusing(path: Path, what: str, remedy: str) -> Iterator[None]:
+    """Whatever a library raises over what a file holds is `BadInput`, in one line; it warns of nothing.
+
+    Libraries raise types of many modules for a damaged file.
+    """
+    try:
+        with warnings.catch_warnings(), naming(path):
+            warnings.simplefilter("ignore")
+            yield
+    except BadInput:
+        raise
+    except Exception as error:
+        raise BadInput(f"{path}: {what} ({error or type(error).__name__}); {remedy}") from None
 
 
 def within(folder: Path, name: str, *, allow_outside: bool) -> Path:

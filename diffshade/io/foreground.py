@@ -30,7 +30,7 @@ def masked_gbuffer(
     """The G-buffer of a surface where a camera sees it inside the mask; `BadInput` if nowhere."""
     import jax
 
-    from diffshade.geometry.gbuffer import gbuffer, visibility
+    from diffshade.geometry.view import gbuffer, visibility
 
     seen = visibility(geometry, camera)
     keep = np.arange(seen.index.shape[0])

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diffshade.errors import BadInput, naming
-from diffshade.io.contents import read_bytes
+from diffshade.errors import BadInput
+from diffshade.io.contents import read_bytes, refusing
 from diffshade.io.limits import check_size
 
 __all__ = ["read_matlab"]
@@ -26,30 +26,24 @@ def read_matlab(path: Path, key: str) -> np.ndarray:
     from scipy.io import loadmat, whosmat
 
     data = read_bytes(path)
-    try:
-        with naming(path), warnings.catch_warnings():
-            warnings.simplefilter("error")  # SciPy's, of what it reads wrongly
-            file = BytesIO(_unpacked(data))
+    with refusing(path, "is not a MATLAB file", "save it again"):
+        warnings.simplefilter("error")  # SciPy's, of what it reads wrongly
+        file = BytesIO(_unpacked(data))
+        try:
             held = {name: (shape, kind) for name, shape, kind in whosmat(file)}
-            if key not in held:
-                names = ", ".join(held) or "nothing"
-                raise BadInput(f"the key {key} is missing; it holds {names}")
-            shape, kind = held[key]
-            if kind not in _NUMBERS:
-                raise BadInput(f"{key} is of the kind {kind}; save numbers")
-            if min(shape) < 0:
-                raise BadInput(f"{key} claims the shape {tuple(map(int, shape))}; save it again")
-            check_size(map(int, shape))
-            file.seek(0)
-            return np.asarray(loadmat(file, variable_names=[key])[key])
-    except BadInput:
-        raise
-    except NotImplementedError:  # what SciPy says to a MATLAB 7.3 file, which is HDF5
-        raise BadInput(f"{path}: is a MATLAB 7.3 file; save it with save(..., '-v7')") from None
-    # SciPy raises types of many modules for a damaged file.
-    except Exception as error:
-        detail = str(error) or type(error).__name__
-        raise BadInput(f"{path}: is not a MATLAB file ({detail}); save it again") from None
+        except NotImplementedError:  # what SciPy says to a MATLAB 7.3 file, which is HDF5
+            raise BadInput("is a MATLAB 7.3 file; save it with save(..., '-v7')") from None
+        if key not in held:
+            names = ", ".join(held) or "nothing"
+            raise BadInput(f"the key {key} is missing; it holds {names}")
+        shape, kind = held[key]
+        if kind not in _NUMBERS:
+            raise BadInput(f"{key} is of the kind {kind}; save numbers")
+        if min(shape) < 0:
+            raise BadInput(f"{key} claims the shape {tuple(map(int, shape))}; save it again")
+        check_size(map(int, shape))
+        file.seek(0)
+        return np.asarray(loadmat(file, variable_names=[key])[key])
 
 
 def _unpacked(data: bytes) -> bytes:

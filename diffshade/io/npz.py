@@ -1,8 +1,6 @@
 """NumPy's own files, `.npy` and `.npz`: arrays of plain numbers, never pickled objects."""
 
-import warnings
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from io import BytesIO
 from pathlib import Path
 from typing import IO
@@ -10,8 +8,8 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from diffshade.errors import BadInput, naming
-from diffshade.io.contents import read_bytes
+from diffshade.errors import BadInput
+from diffshade.io.contents import read_bytes, refusing
 from diffshade.io.limits import check_size
 
 __all__ = ["read_npy", "read_npz"]
@@ -29,7 +27,7 @@ def read_npy(path: Path) -> np.ndarray:
     data = read_bytes(path)
     if data.startswith(_ZIP):
         raise BadInput(f"{path}: is an archive, not one array; name it .npz")
-    with _refusing(path, "is not an .npy of numbers", "use np.save"):
+    with refusing(path, "is not an .npy of numbers", "use np.save"):
         return _array(BytesIO(data))
 
 
@@ -40,7 +38,7 @@ def read_npz(path: Path, known: Collection[str]) -> dict[str, np.ndarray]:
         raise BadInput(f"{path}: holds one array, not an .npz archive; use np.savez")
     arrays = {}
     with (
-        _refusing(path, "is not an .npz of plain arrays", "use np.savez"),
+        refusing(path, "is not an .npz of plain arrays", "use np.savez"),
         ZipFile(BytesIO(data)) as archive,
     ):
         for member in archive.infolist():
@@ -64,16 +62,3 @@ def _array(stream: IO[bytes]) -> np.ndarray:
     stream.seek(0)
     array: np.ndarray = np.lib.format.read_array(stream, allow_pickle=False)
     return array
-
-
-@contextmanager
-def _refusing(path: Path, what: str, remedy: str) -> Iterator[None]:
-    try:
-        with warnings.catch_warnings(), naming(path):
-            warnings.simplefilter("ignore")  # of headers that Python 2 wrote
-            yield
-    except BadInput:
-        raise
-    # zipfile, zlib and NumPy's parser of headers raise types of many kinds for a damaged file.
-    except Exception as error:
-        raise BadInput(f"{path}: {what} ({error or type(error).__name__}); {remedy}") from None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from diffshade.errors import BadInput
+from diffshade.errors import BadInput, naming
 from diffshade.io.contents import read_text, within
 
 __all__ = ["Table", "read_toml"]
@@ -58,15 +58,9 @@ class Table:
         place = f"{self.place}: " if self.place else ""
         raise BadInput(f"{self.path}: {place}{complaint}")
 
-    @contextmanager
-    def naming(self) -> Iterator[None]:
+    def naming(self) -> AbstractContextManager[None]:
         """Complaints about values, which know no file, get the file and place of this table."""
-        try:
-            yield
-        except BadInput as error:
-            if str(error).startswith(str(self.path)):
-                raise
-            self.fail(str(error))
+        return naming(self.path, self.place)
 
     def expect(self, required: Iterable[str], optional: Iterable[str] = ()) -> None:
         """Refuse unknown keys, then missing ones."""

@@ -10,8 +10,8 @@ from diffshade import guard
 from diffshade.arrays import coefficients, positive
 from diffshade.bounds import Cone, largest_cosine, smallest_cosine
 from diffshade.channels import channels
-from diffshade.reflectance.lobe import AbstractLobe
-from diffshade.vector import Vec3, dot, halfway, versine
+from diffshade.reflectance.lobe import AbstractLobe, log_cosine
+from diffshade.vector import Vec3, halfway
 
 __all__ = ["BlinnPhong", "blinn_phong"]
 
@@ -26,14 +26,7 @@ def blinn_phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> 
     Not smooth where n.h = 0, where the derivative is taken from the dark side (0), and at the
     terminator n.l = 0, where the lobe jumps to 0.
     """
-    return guard.power_of_log(_log_cosine(n, l, v, n_dot_l), shininess)
-
-
-def _log_cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
-    """log(n.h), and minus infinity where the lobe is dark: the light behind the surface, or no h."""
-    h = halfway(l, v)
-    dark = (n_dot_l <= 0) | (dot(h, h) == 0)
-    return guard.log_one_minus(jnp.where(dark, 1, versine(n, h)))
+    return guard.power_of_log(log_cosine(n, halfway(l, v), n_dot_l), shininess)
 
 
 class BlinnPhong(AbstractLobe):
@@ -54,7 +47,7 @@ class BlinnPhong(AbstractLobe):
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(n.h), minus infinity where the lobe is dark."""
-        return _log_cosine(n, l, v, n_dot_l)
+        return log_cosine(n, halfway(l, v), n_dot_l)
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))

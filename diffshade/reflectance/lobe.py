@@ -3,12 +3,14 @@
 from abc import abstractmethod
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from diffshade import guard
 from diffshade.bounds import Cone
-from diffshade.vector import Vec3
+from diffshade.vector import Vec3, dot, versine
 
-__all__ = ["AbstractLobe"]
+__all__ = ["AbstractLobe", "log_cosine"]
 
 Plane = Float[Array, "..."]
 
@@ -44,3 +46,12 @@ class AbstractLobe(eqx.Module):
     def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:
         """s for unit vectors n, l, v: one plane, or one a channel; 0 where n.l <= 0."""
         return self.at(self.angles(n, l, v, n_dot_l))
+
+
+def log_cosine(a: Vec3, b: Vec3, n_dot_l: Plane) -> Plane:
+    """log(a.b) of unit vectors, from 1 - a.b = |a - b|^2 / 2, which loses nothing where they meet.
+
+    Minus infinity where the lobe is dark: the light behind the surface, or b = 0.
+    """
+    dark = (n_dot_l <= 0) | (dot(b, b) == 0)
+    return guard.log_one_minus(jnp.where(dark, 1, versine(a, b)))

@@ -3,17 +3,16 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from diffshade import guard
 from diffshade.arrays import coefficients, positive
 from diffshade.bounds import Cone, largest_cosine, reflected
 from diffshade.channels import channels
-from diffshade.reflectance.lobe import AbstractLobe
-from diffshade.vector import Vec3, dot, reflect, versine
+from diffshade.reflectance.lobe import AbstractLobe, log_cosine
+from diffshade.vector import Vec3, reflect
 
-__all__ = ["Phong", "log_cosine", "phong"]
+__all__ = ["Phong", "phong"]
 
 Plane = Float[Array, "..."]
 
@@ -26,13 +25,7 @@ def phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
     Not smooth where r.v = 0, where the derivative is taken from the dark side (0), and at the
     terminator n.l = 0, where the lobe jumps to 0.
     """
-    return guard.power_of_log(log_cosine(n, l, v, n_dot_l), shininess)
-
-
-def log_cosine(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
-    """log(r.v), and minus infinity where the lobe is dark: the light behind the surface, or no view."""
-    dark = (n_dot_l <= 0) | (dot(v, v) == 0)
-    return guard.log_one_minus(jnp.where(dark, 1, versine(reflect(l, n), v)))
+    return guard.power_of_log(log_cosine(reflect(l, n), v, n_dot_l), shininess)
 
 
 class Phong(AbstractLobe):
@@ -52,7 +45,7 @@ class Phong(AbstractLobe):
 
     def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
         """log(r.v), minus infinity where the lobe is dark."""
-        return log_cosine(n, l, v, n_dot_l)
+        return log_cosine(reflect(l, n), v, n_dot_l)
 
     def at(self, angles: Plane) -> tuple[Plane, ...]:
         return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))

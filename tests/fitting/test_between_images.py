@@ -2,13 +2,13 @@
 
 import json
 
-import imageio.v3 as iio
 import numpy as np
 import pytest
 from shared import shared_data
 
 import diffshade as ds
 import fitting
+from diffshade.io.image import read_image, read_mask
 
 GBUFFER = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(64, 64, 2.2))
 DIRECTIONS = [
@@ -63,16 +63,15 @@ def test_the_gray_sphere_is_not_told_a_confident_number() -> None:
     folder = shared_data("uw_psm")
     circle = json.loads((folder / "circles.json").read_text())["gray"]
     lights = np.loadtxt(folder / "lights_from_chrome.txt")[::2]
-    pictures = [iio.imread(folder / "gray" / f"gray.{k}.png")[..., :3] for k in range(0, 12, 2)]
+    pictures = [read_image(folder / "gray" / f"gray.{k}.png").values for k in range(0, 12, 2)]
     height, width = pictures[0].shape[:2]
     camera = ds.OrthographicCamera(width, height, extent=float(width))
     center = circle["cx"] + 0.5 - width / 2, height / 2 - circle["cy"] - 0.5, 0.0
     gbuffer = ds.gbuffer(ds.Sphere(center=center, radius=circle["R"]), camera)
     row, column = np.mgrid[:height, :width]
     rim = np.hypot(column - circle["cx"], row - circle["cy"]) < 0.97 * circle["R"]
-    mask = iio.imread(folder / "gray" / "gray.mask.png")
-    valid = rim & ((mask if mask.ndim == 2 else mask[..., 0]) > 128)
-    observed = [picture.astype(gbuffer.normal.x.dtype) / 255 for picture in pictures]
+    valid = rim & read_mask(folder / "gray" / "gray.mask.png")
+    observed = [picture.astype(gbuffer.normal.x.dtype) for picture in pictures]
     scenes = [ds.Scene(lights=ds.ParallelLight(light)) for light in lights]
     for robust in (None, "tukey"):
         fit = fitting.fit(

@@ -61,15 +61,18 @@ def guided(parser: str, cases: int, seed: int, keep: Path, folder: Path) -> None
 
 
 def unguided(parser: str, cases: int, seed: int, keep: Path, folder: Path) -> None:
-    """By random damage to the seeds alone."""
+    """By the seeds, and then by random damage to them alone."""
     from fuzz.target import targets
 
     target = next(t for t in targets(folder / "files") if t.format.name == parser)
     seeds = list(target.seeds(folder / "seeds"))
     rng = np.random.default_rng(seed)
     counts = {True: 0, False: 0}
-    for _ in range(cases):
-        content = mutated(seeds[int(rng.integers(len(seeds)))], seeds, rng)
+    for number in range(cases):
+        if number < len(seeds):
+            content = seeds[number]
+        else:
+            content = mutated(seeds[int(rng.integers(len(seeds)))], seeds, rng)
         # Kept while it is tried: a crash of the process leaves it behind.
         kept = keep / f"{parser.replace(', ', '-')}-crash-{os.getpid()}"
         kept.write_bytes(content)

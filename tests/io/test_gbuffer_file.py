@@ -11,7 +11,7 @@ import pytest
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import OrthographicCamera, PerspectiveCamera
 from diffshade.geometry.frequency import FlatShading
-from diffshade.geometry.gbuffer import GBuffer, gbuffer
+from diffshade.geometry.gbuffer import GBuffer
 from diffshade.geometry.mesh import Mesh
 from diffshade.geometry.sphere import Sphere
 from diffshade.io.gbuffer import load_gbuffer, save_gbuffer
