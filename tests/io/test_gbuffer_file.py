@@ -14,6 +14,7 @@ from diffshade.geometry.frequency import FlatShading
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.geometry.mesh import Mesh
 from diffshade.geometry.sphere import Sphere
+from diffshade.geometry.view import gbuffer
 from diffshade.io.gbuffer import load_gbuffer, save_gbuffer
 
 NORMAL = np.ones((4, 5, 3))
