@@ -105,7 +105,7 @@ VERSINE = 3 + DOT + 1  # |r - v|^2 / 2
 NO_VIEW = DOT + 1  # |v|^2 = 0?
 DARK = 1 + 1  # n.l <= 0, which is known, or no view; 1 there
 LOGARITHM = 1 + 1 + 2 + 1  # 1 - q; 0 at the least; what rounding took; both
-POWER = 1 + 1 + 1 + 1 + 1 + 1 + 1  # dark?; n log; vanishes?, or dark; both guards
+POWER = 1 + 1 + 1 + 1  # dark?; a harmless logarithm; n log; 0 where it is dark
 TERM = 1 + 1 + 1  # I_p, k, and the sum with other terms
 
 ABSENT = {

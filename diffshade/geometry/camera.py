@@ -20,7 +20,7 @@ from diffshade.arrays import ArrayLike, optional, vector
 from diffshade.errors import BadInput
 from diffshade.geometry.fields import count, number
 from diffshade.geometry.viewer import AbstractViewer, DistantViewer, Eye
-from diffshade.vector import Vec3, cross, unit
+from diffshade.vector import Vec3, cross, direction, unit
 
 __all__ = ["AbstractCamera", "Frame", "OrthographicCamera", "PerspectiveCamera", "Rays"]
 
@@ -113,8 +113,8 @@ def _axes(
         towards = jnp.array([0, 0, 1], here.dtype) if position is None else here
     else:
         towards = here - target
-    back = unit(Vec3.from_array(towards))
-    right = unit(cross(Vec3.from_array(up), back))
+    back = direction(Vec3.from_array(towards))
+    right = direction(cross(unit(Vec3.from_array(up)), back))
     return right, cross(back, right), back
 
 
@@ -212,8 +212,8 @@ class PerspectiveCamera(AbstractCamera):
     def through(self, x: Float[Array, "P"], y: Float[Array, "P"]) -> Rays:
         right, up, back = self.axes()
         high = 2 * jnp.tan(self.fov / 2)  # the image at distance 1
-        direction = unit(right * (x * high) + up * (y * high) - back)
-        return Rays(Vec3.from_array(self.position), direction)
+        through = direction(right * (x * high) + up * (y * high) - back)
+        return Rays(Vec3.from_array(self.position), through)
 
     def check(self) -> None:
         if not 0 < float(self.fov) < math.pi:

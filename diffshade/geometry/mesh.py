@@ -16,7 +16,7 @@ from diffshade.geometry.fields import indices
 from diffshade.geometry.normals import Weights, area_weights, plane_normals, vertex_normals
 from diffshade.geometry.remembered import remembered
 from diffshade.geometry.surface import AbstractSurface, Visibility
-from diffshade.vector import Vec3, unit
+from diffshade.vector import Vec3, direction, unit
 
 __all__ = ["Mesh"]
 
@@ -114,7 +114,7 @@ class Mesh(AbstractSurface):
         # Position and normal side by side: a vertex's six numbers are found at once, and once only.
         values = jnp.concatenate([self.vertices, self.vertex_normals().to_array()], axis=1)
         mean = stored(_interpolate, values, self.faces[face], barycentric)
-        return Vec3.from_array(mean[:, :3]), unit(Vec3.from_array(mean[:, 3:]))
+        return Vec3.from_array(mean[:, :3]), direction(Vec3.from_array(mean[:, 3:]))
 
 
 def _interpolate(

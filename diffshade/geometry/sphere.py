@@ -25,7 +25,7 @@ class Sphere(AbstractSurface):
     """|P - center| = radius (LIGHT-14), radius > 0, seen from outside.
 
     A pixel is foreground where the ray through its centre meets the sphere, the outline included.
-    A camera inside sees nothing of it.
+    A camera inside sees nothing of it. On the outline the depth has derivative 0.
 
     >>> Sphere(center=(0, 0, 0), radius=1.0).center.shape
     (3,)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from diffshade.arrays import vector
 from diffshade.bounds import Ball, Cone
 from diffshade.errors import BadInput
-from diffshade.vector import Vec3, unit
+from diffshade.vector import Vec3, direction, unit
 
 __all__ = ["AbstractViewer", "DistantViewer", "Eye"]
 
@@ -36,7 +36,7 @@ class Eye(AbstractViewer):
                 "an eye needs positions, and this G-buffer has normals only: give"
                 " GBuffer.from_arrays a position, or a constant view direction"
             )
-        return unit(Vec3.from_array(self.position) - position)
+        return direction(Vec3.from_array(self.position) - position)
 
     def over(self, ball: Ball | None) -> Cone:
         if ball is None:

@@ -27,7 +27,8 @@ Plane = Float[Array, "..."]
 class AbstractAttenuation(eqx.Module):
     """A factor f(d) on the intensity of a light, which does not rise with d > 0.
 
-    What tiles of an image may leave out of many lights relies on that.
+    What tiles of an image may leave out of many lights relies on that. d is 0 or of the range that
+    `guard` names, as a `PointLight` gives it.
     """
 
     @abstractmethod
@@ -57,6 +58,8 @@ class QuadraticAttenuation(AbstractAttenuation):
 class LinearAttenuation(AbstractAttenuation):
     """f(d) = 1 / (c0 + c1 d), with c0, c1 >= 0; not clamped; 0 where the denominator is 0.
 
+    In float32 a denominator other than 0 has finite second derivatives from 1e-6 on.
+
     >>> float(LinearAttenuation(1.0, 0.5)(jnp.array(2.0)))
     0.5
     """
@@ -76,7 +79,8 @@ class InverseSquare(AbstractAttenuation):
     """
 
     def __call__(self, d: Plane) -> Plane:
-        return guard.reciprocal(d * d)
+        inverse = guard.reciprocal(d)
+        return inverse * inverse
 
 
 class ExponentialAttenuation(AbstractAttenuation):
