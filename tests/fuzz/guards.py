@@ -1,0 +1,228 @@
+"""Every guard of the package, how its source reads without it, and what tests hold it."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+__all__ = ["GUARDS", "PACKAGE", "Guard", "unlisted", "without"]
+
+PACKAGE = Path(__file__).parents[2] / "diffshade"
+
+
+class Guard(NamedTuple):
+    """A piece of source, once in its file, what takes its place, and tests that fail then."""
+
+    name: str
+    file: str
+    source: str
+    without: str
+    tests: tuple[str, ...]
+
+
+def finite(*names: str) -> tuple[str, ...]:
+    """The contract of functions."""
+    test = "tests/test_contract.py::test_values_and_derivatives_are_finite"
+    return tuple(f"{test}[{name}]" for name in names)
+
+
+def kink(*names: str) -> tuple[str, ...]:
+    """Stated derivatives."""
+    test = "tests/test_contract.py::test_the_derivative_at_a_kink_is_the_stated_one"
+    return tuple(f"{test}[{name}]" for name in names)
+
+
+POWER = finite("guard.log_base-guard.power-guard.power_of_log")
+ZERO = ("tests/test_guard.py::test_zero_with_zero_derivatives_where_it_is_singular",)
+POWER_ZERO = ("tests/test_guard.py::test_power_and_its_derivatives_are_finite",)
+ROUNDING = ("tests/test_guard.py::test_arguments_are_harmless_whatever_a_selection_says",)
+REFLECTANCE, NORMALS, LAW = "reflectance/", "geometry/normals.py", "light/attenuation.py"
+IN_GUARD = (
+    ("positive", "jnp.where(x <= 0, 0, x)", "jnp.maximum(x, 0)", kink("n.l = 0, diffuse")),
+    ("sqrt: before", "jnp.sqrt(jnp.maximum(x, least))", "jnp.sqrt(x)", finite("guard.sqrt")),
+    (
+        "sqrt: after",
+        "jnp.where(x <= least, 0, jnp.sqrt(jnp.maximum(x, least)))",
+        "jnp.sqrt(jnp.maximum(x, least))",
+        ZERO,
+    ),
+    ("sqrt: what is tiny", "_smallest(x) ** 0.5", "0.0", finite("guard.sqrt")),
+    (
+        "reciprocal_sqrt: before",
+        "jnp.sqrt(1 / jnp.maximum(x, least))",
+        "jnp.sqrt(1 / x)",
+        ROUNDING,
+    ),
+    (
+        "reciprocal_sqrt: after",
+        "jnp.where(x <= least, 0, jnp.sqrt(1 / jnp.maximum(x, least)))",
+        "jnp.sqrt(1 / jnp.maximum(x, least))",
+        ZERO,
+    ),
+    (
+        "reciprocal_sqrt: what is tiny",
+        "least = shortest(x)",
+        "least = 0.0",
+        finite("guard.reciprocal_sqrt"),
+    ),
+    (
+        "reciprocal",
+        "jnp.where(jnp.abs(x) < _smallest(x) ** 0.75, 0, 1 / x)",
+        "1 / x",
+        ZERO,
+    ),
+    (
+        "reciprocal: what is tiny",
+        "jnp.abs(x) < _smallest(x) ** 0.75",
+        "x == 0",
+        ("tests/test_guard.py::test_a_reciprocal_leaves_room_for_products",),
+    ),
+    (
+        "power: what is tiny",
+        "float(jnp.finfo(jnp.result_type(x)).eps)",
+        "_smallest(x)",
+        POWER,
+    ),
+    ("log_base: before", "jnp.log(jnp.maximum(x, least))", "jnp.log(x)", ROUNDING),
+    (
+        "log_base: after",
+        "jnp.where(x <= least, -jnp.inf, jnp.log(jnp.maximum(x, least)))",
+        "jnp.log(jnp.maximum(x, least))",
+        POWER_ZERO,
+    ),
+    ("log_base: its slope", "jnp.maximum(x, _dimmest(x))", "x", POWER),
+    (
+        "power_of_log: before",
+        "jnp.maximum(log_x, math.log(_dimmest(log_x)))",
+        "log_x",
+        ROUNDING,
+    ),
+    (
+        "power_of_log: after",
+        "jnp.where(log_x == -jnp.inf, 0, jnp.exp(n * _lit(log_x)))",
+        "jnp.exp(n * _lit(log_x))",
+        POWER_ZERO,
+    ),
+)
+
+GUARDS = (
+    *(Guard(name, "guard.py", *rest) for name, *rest in IN_GUARD),
+    Guard(
+        "unit: vectors that are tiny",
+        "vector.py",
+        "jnp.where(size < guard.shortest(size), 0, size)",
+        "size",
+        finite("vector.unit", "vector.length"),
+    ),
+    Guard(
+        "unit: squares out of range",
+        "vector.py",
+        "return size, a * guard.reciprocal(size)",
+        "return jnp.ones_like(size), a",
+        ("tests/test_guard.py::test_a_unit_vector_of_any_length",),
+    ),
+    Guard(
+        "opposite directions of light and view",
+        "vector.py",
+        "jnp.where(opposite, 0, square)",
+        "square",
+        kink("all but opposite vectors"),
+    ),
+    Guard(
+        "the clamp of the attenuation",
+        LAW,
+        "guard.reciprocal(jnp.where(q < 1, 1, q))",
+        "jnp.minimum(guard.reciprocal(q), 1)",
+        kink("the edge of the clamp"),
+    ),
+    Guard(
+        "the window: beyond its reach",
+        LAW,
+        "jnp.where(d < self.reach, d, self.reach) * ",
+        "d * ",
+        kink("far beyond the reach"),
+    ),
+    Guard(
+        "the window: its end",
+        LAW,
+        "jnp.where(d < self.reach, 1 - square * square, 0)",
+        "1 - square * square",
+        ("tests/light/test_attenuation.py::test_a_window_ends_smoothly_at_the_reach",),
+    ),
+    Guard(
+        "Phong: light behind",
+        REFLECTANCE + "phong.py",
+        "jnp.where(n_dot_l <= 0, 0, dot(reflect(l, n), v))",
+        "dot(reflect(l, n), v)",
+        kink("n.l = 0, Phong"),
+    ),
+    Guard(
+        "Blinn-Phong: light behind",
+        REFLECTANCE + "blinn_phong.py",
+        "jnp.where(n_dot_l <= 0, 0, dot(n, halfway(l, v)))",
+        "dot(n, halfway(l, v))",
+        kink("n.l = 0, Blinn-Phong"),
+    ),
+    Guard(
+        "Blinn-Phong: bound of opposite directions",
+        REFLECTANCE + "blinn_phong.py",
+        """jnp.where(
+            sum_of_cosines < shortest, sum_of_cosines * guard.reciprocal(shortest), 1
+        )""",
+        "sum_of_cosines * guard.reciprocal(shortest)",
+        ("tests/shading/test_cull.py::test_no_pixel_is_brighter_than_the_bound[none-blinn_phong]",),
+    ),
+    Guard(
+        "angles of a face without extent",
+        NORMALS,
+        "jnp.where(nothing, 1, adjacent)",
+        "adjacent",
+        kink("an angle of a face without extent"),
+    ),
+    Guard(
+        "normals that cancel up to rounding",
+        NORMALS,
+        "jnp.where(some, plane, 0) for plane",
+        "plane for plane",
+        ("tests/geometry/test_normals.py::test_normals_that_cancel_up_to_rounding_are_zero",),
+    ),
+)
+
+GUARDED = re.compile(r"jnp\.where\(|jnp\.maximum\(.*(least|dimmest)")
+
+
+def unlisted() -> list[str]:
+    """The guards in the source of the modules above that no entry names: file and line."""
+    found = []
+    for file in sorted({guard.file for guard in GUARDS}):
+        text = (PACKAGE / file).read_text()
+        spans = [
+            (text.index(g.source), text.index(g.source) + len(g.source))
+            for g in GUARDS
+            if g.file == file
+        ]
+        for match in GUARDED.finditer(text):
+            if not any(first <= match.start() < last for first, last in spans):
+                found.append(f"{file}:{text[: match.start()].count(chr(10)) + 1}")
+    return found
+
+
+@contextmanager
+def without(guard: Guard, package: Path) -> Iterator[None]:
+    """A copy of the package without a guard, as long as this lasts."""
+    path = package / guard.file
+    text = path.read_text()
+    if text.count(guard.source) != 1:
+        raise ValueError(
+            f"{guard.file} has {guard.source!r} {text.count(guard.source)} times, not once"
+        )
+    path.write_text(text.replace(guard.source, guard.without))
+    # Python tells a source that has changed by its time in seconds and its size.
+    shutil.rmtree(path.parent / "__pycache__", ignore_errors=True)
+    try:
+        yield
+    finally:
+        path.write_text(text)
+        shutil.rmtree(path.parent / "__pycache__", ignore_errors=True)
