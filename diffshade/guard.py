@@ -85,7 +85,8 @@ def reciprocal(x: Plane) -> Plane:
 
     That is the smallest normal number to the power 3/4: what is left of the range is for products.
     """
-    return jnp.where(jnp.abs(x) < _smallest(x) ** 0.75, 0, 1 / x)
+    tiny = jnp.abs(x) < _smallest(x) ** 0.75
+    return jnp.where(tiny, 0, 1 / jnp.where(tiny, 1, x))
 
 
 @reciprocal.derivative
@@ -129,9 +130,8 @@ def log_one_minus(q: Plane) -> Plane:
     matters, and is small against it elsewhere.
     """
     rest = 1 - q
-    dark = rest <= 0
-    lit = jnp.where(dark, 1, rest)
-    return jnp.where(dark, -jnp.inf, jnp.log(lit) + ((1 - rest) - q))
+    logarithm = jnp.log(jnp.maximum(rest, _dimmest(rest))) + ((1 - rest) - q)
+    return jnp.where(rest <= 0, -jnp.inf, logarithm)
 
 
 @log_one_minus.derivative

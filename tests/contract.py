@@ -356,6 +356,6 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("normals.sphere_weights",): of_corners(normals.sphere_weights),
     ("normals.uniform_weights",): of_corners(normals.uniform_weights),
     # Lobes
-    ("phong.phong", "phong.log_cosine"): lobe(phong.phong),
+    ("phong.phong",): lobe(phong.phong),
     ("blinn_phong.blinn_phong",): lobe(blinn_phong.blinn_phong),
 }

@@ -99,12 +99,12 @@ COLOUR = (0.3, 0.2, 0.1)
 DOT = 3 + 2
 RECIPROCAL_ROOT = 1 + 1 + 1 + 1  # small?; a harmless argument; 1 / x; 0 where it is small
 UNIT = 3 + DOT + RECIPROCAL_ROOT + 3  # s = light - P; |s|^2; 1 / |s|; l = s / |s|
-ATTENUATION = 1 + 4 + 2 + 4  # d = |s|^2 / |s|; c0 + d (c1 + d c2); the clamp; the quotient, guarded
+ATTENUATION = 1 + 4 + 2 + 5  # d = |s|^2 / |s|; c0 + d (c1 + d c2); the clamp; the quotient, guarded
 REFLECTED = 1 + 3 + 3  # r = 2 (n.l) n - l
 VERSINE = 3 + DOT + 1  # |r - v|^2 / 2
 NO_VIEW = DOT + 1  # |v|^2 = 0?
 DARK = 1 + 1  # n.l <= 0, which is known, or no view; 1 there
-LOGARITHM = 1 + 1 + 2 + 1  # 1 - q; 0 at the least; what rounding took; both
+LOGARITHM = 1 + 1 + 2 + 1 + 2  # 1 - q; a harmless argument; what rounding took; both; dark, and so
 POWER = 1 + 1 + 1 + 1  # dark?; a harmless logarithm; n log; 0 where it is dark
 TERM = 1 + 1 + 1  # I_p, k, and the sum with other terms
 

@@ -38,6 +38,8 @@ POWER = finite("guard.log_base-guard.power-guard.power_of_log")
 ZERO = ("tests/test_guard.py::test_zero_with_zero_derivatives_where_it_is_singular",)
 POWER_ZERO = ("tests/test_guard.py::test_power_and_its_derivatives_are_finite",)
 ROUNDING = ("tests/test_guard.py::test_arguments_are_harmless_whatever_a_selection_says",)
+RULELESS = ("tests/test_guard.py::test_a_node_without_its_rule_has_the_same_derivatives",)
+LEFT_OF_ONE = ("tests/test_guard.py::test_the_logarithm_of_what_is_left_of_one",)
 REFLECTANCE, NORMALS, LAW = "reflectance/", "geometry/normals.py", "light/attenuation.py"
 IN_GUARD = (
     ("positive", "jnp.where(x <= 0, 0, x)", "jnp.maximum(x, 0)", kink("n.l = 0, diffuse")),
@@ -68,9 +70,15 @@ IN_GUARD = (
         finite("guard.reciprocal_sqrt"),
     ),
     (
-        "reciprocal",
-        "jnp.where(jnp.abs(x) < _smallest(x) ** 0.75, 0, 1 / x)",
+        "reciprocal: before",
+        "1 / jnp.where(tiny, 1, x)",
         "1 / x",
+        RULELESS,
+    ),
+    (
+        "reciprocal: after",
+        "jnp.where(tiny, 0, 1 / jnp.where(tiny, 1, x))",
+        "1 / jnp.where(tiny, 1, x)",
         ZERO,
     ),
     (
@@ -93,6 +101,30 @@ IN_GUARD = (
         POWER_ZERO,
     ),
     ("log_base: its slope", "jnp.maximum(x, _dimmest(x))", "x", POWER),
+    (
+        "log_one_minus: before",
+        "jnp.log(jnp.maximum(rest, _dimmest(rest)))",
+        "jnp.log(rest)",
+        RULELESS,
+    ),
+    (
+        "log_one_minus: after",
+        "jnp.where(rest <= 0, -jnp.inf, logarithm)",
+        "logarithm",
+        LEFT_OF_ONE,
+    ),
+    (
+        "log_one_minus: its slope before",
+        "reciprocal.computed(jnp.maximum(rest, _dimmest(rest)))",
+        "reciprocal.computed(rest)",
+        finite("guard.log_one_minus"),
+    ),
+    (
+        "log_one_minus: its slope after",
+        "jnp.where(rest <= 0, 0, -tangents[0])",
+        "-tangents[0]",
+        LEFT_OF_ONE,
+    ),
     (
         "power_of_log: before",
         "jnp.maximum(log_x, math.log(_dimmest(log_x)))",
@@ -152,18 +184,25 @@ GUARDS = (
         ("tests/light/test_attenuation.py::test_a_window_ends_smoothly_at_the_reach",),
     ),
     Guard(
-        "Phong: light behind",
-        REFLECTANCE + "phong.py",
-        "jnp.where(n_dot_l <= 0, 0, dot(reflect(l, n), v))",
-        "dot(reflect(l, n), v)",
-        kink("n.l = 0, Phong"),
+        "lobes: light behind",
+        REFLECTANCE + "lobe.py",
+        "(n_dot_l <= 0) | (dot(b, b) == 0)",
+        "dot(b, b) == 0",
+        kink("n.l = 0, Phong", "n.l = 0, Blinn-Phong"),
     ),
     Guard(
-        "Blinn-Phong: light behind",
-        REFLECTANCE + "blinn_phong.py",
-        "jnp.where(n_dot_l <= 0, 0, dot(n, halfway(l, v)))",
-        "dot(n, halfway(l, v))",
-        kink("n.l = 0, Blinn-Phong"),
+        "lobes: no direction",
+        REFLECTANCE + "lobe.py",
+        "(n_dot_l <= 0) | (dot(b, b) == 0)",
+        "n_dot_l <= 0",
+        ("tests/test_guard.py::test_a_lobe_of_no_direction_is_dark",),
+    ),
+    Guard(
+        "lobes: what is dark",
+        REFLECTANCE + "lobe.py",
+        "jnp.where(dark, 1, versine(a, b))",
+        "versine(a, b)",
+        kink("n.l = 0, Phong", "n.l = 0, Blinn-Phong"),
     ),
     Guard(
         "Blinn-Phong: bound of opposite directions",
