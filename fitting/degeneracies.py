@@ -224,8 +224,8 @@ def _zero_lobe(move: Move) -> str | None:
     if ks is None or np.any(ks != 0) or f"{lobe}.shininess" not in move.names:
         return None
     return (
-        f"{lobe}.ks is 0, and a highlight that is not seen has no width: leave the lobe out, or hold"
-        " its shininess"
+        f"{lobe}.ks is 0, and a highlight that is not seen has no width (one so narrow that it falls"
+        " between the pixels would look the same): leave the lobe out, or hold its shininess"
     )
 
 

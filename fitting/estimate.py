@@ -99,9 +99,9 @@ def fit(
     >>> round(float(fit(image, g, scene).material.specular[0].shininess), 2)
     20.0
     """
-    weighting = _weighting(robust, noise, clipped)
     mesh = None if devices is None else mesh_over(devices)
     photographs = match(images, gbuffer, scenes, valid, clipped)
+    weighting = _weighting(robust, noise, any(p.clipped is not None for p in photographs))
     windows = [getattr(x, "attenuation", None) for p in photographs for x in p.scene.lights]
     if attenuation is not None and any(isinstance(law, Windowed) for law in windows):
         raise BadInput(
@@ -187,14 +187,14 @@ def _clamped(
 
 
 def _weighting(
-    robust: str | Tukey | None, noise: SensorNoise | None, clipped: object
+    robust: str | Tukey | None, noise: SensorNoise | None, clipped: bool
 ) -> Weighting | None:
     """What was asked for about noise; None where least squares is all."""
     if isinstance(robust, str):
         if robust != "tukey":
             raise BadInput(f'robust is {robust!r}: give "tukey", a fitting.Tukey, or None')
         robust = Tukey()
-    if robust is None and noise is None and clipped is None:
+    if robust is None and noise is None and not clipped:
         return None
     return Weighting(robust, noise)
 

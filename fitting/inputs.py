@@ -213,6 +213,8 @@ def _photograph(
             f"the mask of clipped pixels of image {k} has shape {limits.shape}, the image"
             f" {image.shape}: give [H, W] or [H, W, C]"
         )
+    if not limits.any():
+        return Photograph(k, image, gbuffer, scene, given)
     limits = np.broadcast_to(limits.reshape(*limits.shape[:2], -1), image.shape)
     return Photograph(k, image, gbuffer, scene, given, limits)
 

@@ -31,6 +31,10 @@ MIN_ROUNDS, MAX_ROUNDS = 5, 60
 """Of weights and gains that follow the solution."""
 SLIGHT = 0.01
 """Of a standard error: a step that is no longer matters to nobody."""
+TRUSTED = 0.1
+"""A step of y: a longer one may lead astray however slight it is, and is judged by where it led."""
+UPHILL = 2.0
+"""Times what is left at the best: weights that follow may change it so much."""
 LEAST_STEP = 0.2
 """The share of a step that is taken at the least, however far it would overshoot."""
 SHORT = {np.dtype(np.float32): 3e-4, np.dtype(np.float64): 3e-6}
@@ -105,6 +109,14 @@ class _Place(NamedTuple):
         k = self.at.k + self.at.slope @ dy
         return u, np.clip(k, self.problem.lower, self.problem.upper)
 
+    def before_bounds(self, dy: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
+        """The step, cut where a free linear coefficient meets its bound: beyond, its slope is another."""
+        k, change = self.at.k, self.at.slope @ dy
+        moving = change != 0
+        room = np.where(change > 0, self.problem.upper - k, self.problem.lower - k)
+        shares = np.divide(room, change, out=np.ones_like(change), where=moving)
+        return dy * np.clip(np.min(shares, initial=1), 0, 1)
+
     def image_cost(self, u: Unknowns, k: Linear) -> Float[np.ndarray, "K"]:
         """What is left of each image at u and k near by: the squares of a linear model's residuals."""
         change = self._change(u, k)
@@ -144,12 +156,14 @@ def polish(
     """From u and k to the minimum near them, under weights and with gains where they are asked for."""
     follows = weighting is not None or gains is not None
     judge = None if weighting is None else Judge(weighting, u, k, np.ones(()), np.zeros(()))
+    robust = weighting is not None and weighting.robust is not None  # each round has its own scale
+    slack = UPHILL if follows else 1 + 1e-12
     best: _Place | None = None
     damping, last = 0.0, False
     taken: _Taken | None = None
     for step in range(MAX_ROUNDS if follows else MAX_STEPS):
         here = _summed(problem, observed, u, k, gains, judge)
-        if best is None or follows or here.at.cost <= best.at.cost * (1 + 1e-12):
+        if best is None or robust or here.at.cost <= best.at.cost * slack:
             best, damping = here, damping / 10
         else:
             damping = max(10 * damping, 1e-3)
@@ -157,6 +171,8 @@ def polish(
         last = _is_last(best, observed, dy) and (not follows or step >= MIN_ROUNDS)
         if follows:
             dy, taken = _relaxed(best, dy, taken)
+        if last:
+            dy = best.before_bounds(dy)
         u, k = best.after(dy, box)
         if gains is not None:
             assert best.at.gains is not None
@@ -223,7 +239,8 @@ def _is_last(place: _Place, observed: Observed, dy: Float[np.ndarray, "m"]) -> b
     unit = 1 / np.sqrt(np.diagonal(hessian))
     variance = np.diagonal(np.linalg.pinv(hessian * np.outer(unit, unit), hermitian=True)) * unit**2
     noise = float(place.at.cost) / max(observed.count, 1)
-    enough = np.maximum(SHORT[observed.dtype], SLIGHT * np.sqrt(np.maximum(variance, 0) * noise))
+    slight = np.minimum(SLIGHT * np.sqrt(np.maximum(variance, 0) * noise), TRUSTED)
+    enough = np.maximum(SHORT[observed.dtype], slight)
     return bool(np.all(np.abs(dy[alive]) <= enough))
 
 

@@ -156,3 +156,18 @@ def test_gouraud_shaded_meshes_are_fitted_as_they_are_rendered() -> None:
     fit = fitting.fit(ds.render(gbuffer, scene, truth), gbuffer, scene)
     allowed = 1e-6 if jax.config.jax_enable_x64 else 2e-3
     np.testing.assert_allclose(fit.material.specular[0].shininess, 6.0, rtol=allowed)
+
+
+def test_a_last_step_does_no_harm(rng: np.random.Generator) -> None:
+    """Four photographs of one point: what is left has no curvature along the shininess at its minimum,
+    so that every step is slight beside its standard error, and k_s meets its bound near by."""
+    normal = np.array([[[0.11, 0.07, np.sqrt(1 - 0.11**2 - 0.07**2)]]])
+    gbuffer = ds.GBuffer.from_arrays(normal, normal, view=(0, 0, 1))
+    places = ((0.8, 0.5, 2.5), (-1.0, 0.8, 2.0), (0.0, -1.0, 3.0), (1.0, 1.0, 1.6))
+    law = ds.QuadraticAttenuation(1.0, 0.1, 0.05)
+    scenes = [ds.Scene(ambient=0.5, lights=ds.PointLight(place, 1.0, law)) for place in places]
+    truth = ds.Material(ka=0.1, kd=0.6, specular=ds.Phong(ks=0.3, shininess=20.0))
+    exact = [np.repeat(ds.render(gbuffer, scene, truth), 3, axis=-1) for scene in scenes]
+    for _ in range(8):
+        images = [(x + rng.normal(0, 1e-4, x.shape)).astype(x.dtype) for x in exact]
+        assert fitting.fit(images, gbuffer, scenes).relative_residual < 1e-3

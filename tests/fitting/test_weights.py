@@ -81,6 +81,14 @@ def test_clipped_pixels_say_at_least() -> None:
     assert fit.fraction_excluded == left_out.fraction_excluded
 
 
+def test_masks_in_which_nothing_is_clipped_cost_nothing() -> None:
+    """No weights, and so none that follow: the fit is that without masks."""
+    plain = fitting.fit(noisy(2), GBUFFER, SCENE)
+    masked = fitting.fit(noisy(2), GBUFFER, SCENE, clipped=np.zeros(IMAGE.shape, bool))
+    assert masked.weighted_residual is None
+    assert masked.steps == plain.steps
+
+
 def test_noise_that_grows_with_brightness_is_weighed() -> None:
     """With the shininess held it is weighted linear least squares: NumPy's, at the weights found."""
     sensor = fitting.SensorNoise(read=0.002, gain=4e-4)
