@@ -117,7 +117,7 @@ class Stack:
         count = len(self.photographs)
         most = max(min(SAMPLE, SAMPLES // (2 * count)), FEWEST)
         if self.size <= 2 * most:
-            length = bucket(self.size)
+            length = min(_room(self.size), bucket(2 * most))
             return self.group(slice(0, self.size), length, fair=length)
         even = np.arange(most) * self.size // most
         several = np.linspace(0, count - 1, min(count, most)).astype(int).tolist() if bright else []
@@ -172,6 +172,15 @@ class Stack:
 
         surface = _of_points(gbuffer, length, filled)
         return Group(surface, self.ambient, self.lights, observed, weight, clipped, fair)
+
+
+def _room(count: int) -> int:
+    """The least of 64, 256, 1024, ... that holds `count`.
+
+    A search compiles for seconds and runs for milliseconds, of which points take few: a sample of a
+    small image has fewer lengths than a page.
+    """
+    return max(FEWEST, 1 << -2 * (-(count - 1).bit_length() // 2))
 
 
 def stacks(
