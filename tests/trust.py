@@ -1,0 +1,182 @@
+"""The trust report: what was tried to break the package, and what broke.
+
+    PYTHONPATH=tests:. python -m trust                      an hour and a half on two cores
+    PYTHONPATH=tests:. python -m trust --cases 2000 --fits 500 --only functions errors
+
+- functions: finite values and derivatives of every public function (`contract`), in both precisions
+- parsers: every parser under damaged files (`fuzz.parsers`)
+- errors: every formula against 50 digits, renders in float32 against float64 (`benchmarks.errors`)
+- scenes: hard scenes to render and to fit (`stress.score`)
+- malformed: malformed files of every format and class, refused in one line (`malformed`)
+- kills: a fit of maps killed at random moments and resumed, bit for bit (`kills`)
+- soak: many fits in one process (`stress.soak`)
+
+Exit status 1 says that something failed; each failure stands below its part.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import jax
+import numpy as np
+
+TESTS = Path(__file__).parent
+sys.path += [str(TESTS / name) for name in ("io", "geometry", "fitting")]  # as pytest has them
+
+__all__ = ["PARTS", "Options", "main"]
+
+Options = argparse.Namespace
+Lines = Iterator[tuple[str, list[str]]]
+"""Lines of a report, each with the failures that it stands for."""
+
+
+def functions(options: Options) -> Lines:
+    """Of every public function."""
+    from contract import CONTRACT, NO_FLOATS
+    from fuzz.functions import tried
+
+    total = 0
+    for bits in (32, 64):
+        dtype = np.dtype(f"float{bits}")
+        with jax.enable_x64(bits == 64):
+            for names, contract in CONTRACT.items():
+                count, failure = tried(contract, dtype, options.cases, min(options.cases, 1000))
+                total += count
+                name = f"{', '.join(names)}, float{bits}"
+                if failure is not None:
+                    yield f"{name}: not finite", [f"{name}: {failure}"]
+    rest = f"{len(NO_FLOATS)} more have nothing to differentiate"
+    yield f"{sum(map(len, CONTRACT))} public names covered ({rest}), {total} cases tried", []
+
+
+def parsers(options: Options) -> Lines:
+    """Of every format."""
+    from fuzz.parsers import GUIDED, fuzz
+    from malformed.cases import formats
+
+    yield "guided by coverage" if GUIDED else "by random damage: no atheris here", []
+    with tempfile.TemporaryDirectory() as folder:
+        for form in formats():
+            found = fuzz(form.name, options.cases, options.seed, Path(folder))
+            row = f"{form.name}: {found.cases} files, {found.read} read, {found.refused} refused"
+            yield row, list(found.findings)
+
+
+def errors(options: Options) -> Lines:
+    """Of every formula, and of renders."""
+    from benchmarks.errors import measure
+    from benchmarks.formulas import FORMULAS
+    from benchmarks.renders import EXPONENTS, GRADIENT, IMAGE, gradient_error, image_error
+
+    yield "units in the last place: value (at most), derivative (at most)", []
+    for formula in FORMULAS:
+        for dtype in (np.float32, np.float64):
+            for stratum in formula.strata:
+                found = measure(formula, stratum, dtype, 300)
+                row = f"{formula.name}, {stratum.name}, {dtype.__name__}: {found.value:.3g}"
+                row += f" ({stratum.value:g})"
+                bad = found.value > stratum.value
+                if found.derivative is not None and stratum.derivative is not None:
+                    row += f", {found.derivative:.3g} ({stratum.derivative:g})"
+                    bad |= found.derivative > stratum.derivative
+                yield row, [row] if bad else []
+    yield "renders in float32, of the image's maximum; gradients, of the largest component", []
+    for lights, bound in IMAGE.items():
+        for exponent in EXPONENTS:
+            image, slope = image_error(lights, exponent), gradient_error(lights, exponent)
+            row = f"{lights} lights, n = {exponent:g}: {image:.2g}, {slope:.2g}"
+            held = exponent > 200 or (image <= bound and slope <= GRADIENT)
+            yield row, [] if held else [row]
+
+
+def scenes(options: Options) -> Lines:
+    """To render and to fit."""
+    from stress.score import results
+
+    passed = tried = 0
+    for result in results(large=options.large):
+        tried, passed = tried + 1, passed + result.passed
+        if not result.passed:
+            kind, detail, _ = result.verdict
+            row = f"{result.task} {result.scene.name}, float{result.bits}: {kind}, {detail}"
+            yield row, [row]
+    yield f"{passed} of {tried} as they are due", []
+
+
+def malformed(options: Options) -> Lines:
+    """By class, and by format."""
+    from malformed.case import CLASSES
+    from malformed.cases import cases, formats, refusal
+
+    every = list(cases())
+    failures = []
+    for case in every:
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                refusal(case, Path(folder))
+            except AssertionError as error:
+                failures.append(f"{case.format.name}, {case.kind}, {case.name}: {error}")
+    kinds = Counter(case.kind for case in every)
+    yield ", ".join(f"{kind} {kinds[kind]}" for kind in CLASSES), []
+    by_format = Counter(case.format.name for case in every)
+    yield ", ".join(f"{form.name} {by_format[form.name]}" for form in formats()), []
+    yield f"{len(every) - len(failures)} of {len(every)} refused", failures
+
+
+def kills(options: Options) -> Lines:
+    """Of one fit."""
+    from kills import kills_survived
+
+    with tempfile.TemporaryDirectory() as folder:
+        survived = kills_survived(options.kills, options.seed, Path(folder))
+    row = f"{survived} of {options.kills} kills survived"
+    yield row, [] if survived == options.kills else [row]
+
+
+def soak(options: Options) -> Lines:
+    """In ten stretches."""
+    from stress.soak import soak, steady
+
+    stretches = []
+    for s in soak(-(-options.fits // 10), 10, options.seed):
+        stretches.append(s)
+        yield str(s), []
+    failures = steady(stretches)
+    yield "steady" if not failures else "not steady", failures
+
+
+PARTS: dict[str, Callable[[Options], Lines]] = {
+    part.__name__: part for part in (functions, parsers, errors, scenes, malformed, kills, soak)
+}
+
+
+def main() -> int:
+    """Print the parts, and what failed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--cases", type=int, default=10_000, help="for each function and parser")
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--fits", type=int, default=10_000, help="of the soak")
+    parser.add_argument("--large", action="store_true", help="hard scenes of gigabytes as well")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    options = parser.parse_args()
+    jax.config.update("jax_numpy_dtype_promotion", "strict")
+    jax.config.update("jax_numpy_rank_promotion", "raise")
+    failures = 0
+    for name in options.only:
+        print(f"\n## {name}", flush=True)
+        for line, broken in PARTS[name](options):
+            print("-", line, *(f"\n  FAILED: {each}" for each in broken), flush=True)
+            failures += len(broken)
+    print(f"\n{failures} failures")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
