@@ -3,8 +3,8 @@
     PYTHONPATH=tests taskset -c 0 python -m benchmarks.guards
 
 Takes one guard after the other out of a copy of the package (`tests/fuzz/guards.py`) and compiles the
-forward render of four RGB lights with attenuation. One core, CPU time, float32. All take their turn in
-every round, each beside the whole; times and ratios are medians over the rounds.
+forward render of four RGB lights with attenuation. One core, CPU time, float32. Each takes turns with
+the whole; times and ratios are medians over the rounds.
 """
 
 import argparse

@@ -4,8 +4,8 @@ Each function is the textbook one where that is finite, and a stated value with 
 it is not. The guard is double: the argument is made harmless *before* the singular function sees it,
 and the result is replaced *after*. A guard after alone is right forward and NaN in reverse, because 0
 times infinity is NaN; adding an epsilon would change every result a little. What makes an argument
-harmless is a maximum: XLA may compute it twice, in loops that round differently, and a ``where`` that
-asks the one would let the other through.
+harmless is a maximum, where it has one sign: XLA may compute it twice, in loops that round differently,
+and a ``where`` that asks the one would let the other through.
 
 The predicates say where a function is singular, so that NaN, which is nowhere, stays NaN.
 
@@ -15,15 +15,17 @@ and derivatives up to the second are then finite, forward and in reverse, for al
 | quantity | float32 | float64 |
 |---|---|---|
 | coordinates, in units of length: positions, eyes, vertices | up to 1e6 | up to 1e40 |
-| distances from light and eye, of camera and target: what is less counts as 0 | 5e-7 | 3e-52 |
+| distances from light and eye, of camera and target: what is less counts as 0 | 5e-7 | 5e-52 |
 | directions and normals that are not 0 | 1e-6 to 1e6 long | 1e-40 to 1e40 long |
 | radius, extent, reach | 1e-6 to 1e6 | 1e-40 to 1e40 |
 | intensities, of either sign | up to 1e3 | up to 1e20 |
 | coefficients and colours, of either sign | up to 10 | up to 1e20 |
 | shininess | 0 to 1e5 | 0 to 1e5 |
 | constants of attenuations | 0 to 1e6 | 0 to 1e40 |
+| denominators of linear attenuations, if not 0 | 1e-6 and more | 1e-40 and more |
+| edges of faces under `sphere_weights`, if not 0 | 1e-6 and more | 1e-40 and more |
 
-What is beyond them is computed all the same, and may overflow.
+What is beyond them is computed all the same, and may overflow, or count as 0 where it is less.
 """
 
 import math
@@ -137,8 +139,7 @@ def log_one_minus(q: Plane) -> Plane:
 @log_one_minus.derivative
 def _(y: Plane, planes: Any, tangents: Any) -> Plane:
     rest = 1 - planes[0]
-    slope = reciprocal.computed(jnp.maximum(rest, _dimmest(rest)))
-    return jnp.where(rest <= 0, 0, -tangents[0]) * slope
+    return jnp.where(rest <= 0, 0, -tangents[0]) * reciprocal.computed(rest)
 
 
 @Node

@@ -68,13 +68,13 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 
 
 def length(a: Vec3) -> Plane:
-    """|a|; the derivative at the zero vector is 0."""
+    """|a|; the derivative at the zero vector is 0, as which one below `guard.shortest` counts."""
     size, scaled = _scaled(a)
     return size * guard.sqrt(dot(scaled, scaled))
 
 
 def unit(a: Vec3) -> Vec3:
-    """a / |a| for vectors of any length; the zero vector stays zero, with derivative 0."""
+    """a / |a|; the zero vector, as which one below `guard.shortest` counts, is zero with derivative 0."""
     return direction(_scaled(a)[1])
 
 

@@ -171,7 +171,7 @@ def polish(
         last = _is_last(best, observed, dy) and (not follows or step >= MIN_ROUNDS)
         if follows:
             dy, taken = _relaxed(best, dy, taken)
-        if last:
+        if last and np.any(np.abs(dy) > SHORT[observed.dtype]):
             dy = best.before_bounds(dy)
         u, k = best.after(dy, box)
         if gains is not None:

@@ -1,4 +1,4 @@
-"""The contract of every public function: finite values and finite derivatives, for all finite input.
+"""The contract of every public function: finite values and derivatives for input of `guard`'s ranges.
 
 `CONTRACT` says of each how a case is made (`strategies`) and what is computed of it; `NO_FLOATS` which
 names have nothing to differentiate, and why. What is exported and stands in neither fails a test.
@@ -25,7 +25,7 @@ from diffshade.geometry.surface import Visibility
 from diffshade.reflectance import blinn_phong, lambert, phong
 from diffshade.vector import Vec3
 
-__all__ = ["CONTRACT", "MODES", "NO_FLOATS", "Contract", "exported", "finite"]
+__all__ = ["CONTRACT", "NO_FLOATS", "Contract", "exported", "failure", "finite"]
 
 MODES = ("value", "grad", "jacfwd", "jacrev", "hessian")
 
@@ -97,6 +97,16 @@ def finite(contract: Contract) -> Callable[[Cases], jax.Array]:
         return jnp.stack([jnp.isfinite(x).all() for x in found])
 
     return jax.jit(jax.vmap(of_one), compiler_options=search_options())
+
+
+def failure(cases: Cases, are_finite: np.ndarray) -> str | None:
+    """Of what `finite` says, [count, 5]: the first case that is not, and in which of the `MODES`."""
+    bad = np.flatnonzero(~are_finite.all(axis=1))
+    if not bad.size:
+        return None
+    which = [mode for mode, fine in zip(MODES, are_finite[bad[0]], strict=True) if not fine]
+    case = {name: array[bad[0]].tolist() for name, array in cases.items()}
+    return f"{', '.join(which)} not finite at {case}"
 
 
 # What is computed of a case

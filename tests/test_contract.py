@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from contract import CONTRACT, MODES, NO_FLOATS, exported, finite
+from contract import CONTRACT, NO_FLOATS, exported, failure, finite
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from strategies import LONGEST, Deck, decks, scenes
@@ -48,16 +48,8 @@ def program(names: tuple[str, ...]) -> Callable[[Any], jax.Array]:
 def test_values_and_derivatives_are_finite(names: tuple[str, ...], data: Any) -> None:
     deck: Deck = data.draw(decks(COUNT, float))
     cases = CONTRACT[names].cases(deck)
-    check(names, cases, np.asarray(program(names)(cases)))
-
-
-def check(names: tuple[str, ...], cases: dict[str, np.ndarray], are_finite: np.ndarray) -> None:
-    """Fail with the first case that is not."""
-    bad = np.flatnonzero(~are_finite.all(axis=1))
-    if bad.size:
-        which = [mode for mode, fine in zip(MODES, are_finite[bad[0]], strict=True) if not fine]
-        case = {name: array[bad[0]].tolist() for name, array in cases.items()}
-        pytest.fail(f"{'/'.join(names)}: {', '.join(which)} not finite at {case}")
+    found = failure(cases, np.asarray(program(names)(cases)))
+    assert found is None, f"{'/'.join(names)}: {found}"
 
 
 @pytest.mark.slow

@@ -19,12 +19,18 @@ def test_a_failure_is_said_and_counted(
         yield f"{options.kills} tried", []
         yield "one of two", ["the other"]
 
-    monkeypatch.setattr(trust, "PARTS", {"part": part, "none": lambda options: iter(())})
+    def broken(options: trust.Options) -> Iterator[tuple[str, list[str]]]:
+        yield "so far", []
+        raise KeyError("gone")
+
+    parts = {"part": part, "broken": broken, "none": lambda options: iter(())}
+    monkeypatch.setattr(trust, "PARTS", parts)
     monkeypatch.setattr(sys, "argv", ["trust", "--kills", "3"])
     assert trust.main() == 1
     said = capsys.readouterr().out
     assert "## part\n- 3 tried\n- one of two \n  FAILED: the other" in said
-    assert "\n1 failures\n" in said
+    assert "## broken\n- so far\n- not finished \n  FAILED: KeyError: 'gone'\n\n## none" in said
+    assert "\n2 failures\n" in said
     monkeypatch.setattr(sys, "argv", ["trust", "--only", "none"])
     assert trust.main() == 0
 

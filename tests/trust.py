@@ -15,8 +15,11 @@ Exit status 1 says that something failed; each failure stands below its part.
 """
 
 import argparse
+import os
+import subprocess
 import sys
 import tempfile
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -59,11 +62,10 @@ def parsers(options: Options) -> Lines:
     from malformed.cases import formats
 
     yield "guided by coverage" if GUIDED else "by random damage: no atheris here", []
-    with tempfile.TemporaryDirectory() as folder:
-        for form in formats():
-            found = fuzz(form.name, options.cases, options.seed, Path(folder))
-            row = f"{form.name}: {found.cases} files, {found.read} read, {found.refused} refused"
-            yield row, list(found.findings)
+    for form in formats():
+        found = fuzz(form.name, options.cases, options.seed, options.keep)
+        row = f"{form.name}: {found.cases} files, {found.read} read, {found.refused} refused"
+        yield row, list(found.findings)
 
 
 def errors(options: Options) -> Lines:
@@ -138,20 +140,33 @@ def kills(options: Options) -> Lines:
 
 
 def soak(options: Options) -> Lines:
-    """In ten stretches."""
-    from stress.soak import soak, steady
-
-    stretches = []
-    for s in soak(-(-options.fits // 10), 10, options.seed):
-        stretches.append(s)
-        yield str(s), []
-    failures = steady(stretches)
-    yield "steady" if not failures else "not steady", failures
+    """In a process of their own, whose memory is theirs alone."""
+    words = ["-m", "stress.soak", "--fits", str(options.fits), "--seed", str(options.seed)]
+    path = os.pathsep.join(sys.path)
+    with subprocess.Popen(
+        [sys.executable, *words],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            yield line.strip(), []
+    yield "steady" if not process.returncode else "not steady", ["soak"] * bool(process.returncode)
 
 
 PARTS: dict[str, Callable[[Options], Lines]] = {
     part.__name__: part for part in (functions, parsers, errors, scenes, malformed, kills, soak)
 }
+
+
+def guarded(part: Callable[[Options], Lines], options: Options) -> Lines:
+    """A part, whose exception is a failure, after which the others follow."""
+    try:
+        yield from part(options)
+    except Exception as error:
+        traceback.print_exc()
+        yield "not finished", [f"{type(error).__name__}: {error}"]
 
 
 def main() -> int:
@@ -164,6 +179,7 @@ def main() -> int:
     parser.add_argument("--fits", type=int, default=10_000, help="of the soak")
     parser.add_argument("--large", action="store_true", help="hard scenes of gigabytes as well")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
     options = parser.parse_args()
     jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -171,7 +187,7 @@ def main() -> int:
     failures = 0
     for name in options.only:
         print(f"\n## {name}", flush=True)
-        for line, broken in PARTS[name](options):
+        for line, broken in guarded(PARTS[name], options):
             print("-", line, *(f"\n  FAILED: {each}" for each in broken), flush=True)
             failures += len(broken)
     print(f"\n{failures} failures")

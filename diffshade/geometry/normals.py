@@ -52,7 +52,9 @@ def newell_normal(polygon: Float[Array, "N 3"]) -> Float[Array, "3"]:
     [0.0, 0.0, 1.0]
     """
     # About the centroid: the sum is the same, with no cancellation for a polygon far from the origin.
-    here = Vec3.from_array(polygon - jnp.mean(polygon, axis=0, keepdims=True))
+    about = polygon - jnp.mean(polygon, axis=0, keepdims=True)
+    # In units of its own size, a constant to derivatives: squares of small coordinates leave the range
+    here = Vec3.from_array(about * guard.reciprocal(lax.stop_gradient(jnp.max(jnp.abs(about)))))
     after = Vec3(*(jnp.roll(plane, -1) for plane in (here.x, here.y, here.z)))
     less, more = here - after, here + after
     normal = Vec3(

@@ -60,7 +60,7 @@ def refusing(path: Path, what: str, remedy: str) -> Iterator[None]:
     except BadInput:
         raise
     except Exception as error:
-        raise BadInput(f"{path}: {what} ({error or type(error).__name__}); {remedy}") from None
+        raise BadInput(f"{path}: {what} ({str(error) or type(error).__name__}); {remedy}") from None
 
 
 def within(folder: Path, name: str, *, allow_outside: bool) -> Path:

@@ -97,12 +97,12 @@ def is_camera_raw(data: bytes) -> bool:
 def _check_sizes(tags: Directory) -> None:
     """Refuse what the image, or one of its tiles, claims to hold if it is absurd."""
     channels = _tag(tags, Tag.SAMPLES_PER_PIXEL, 1)
-    for depth, length, width in (
-        (Tag.IMAGE_DEPTH, Tag.LENGTH, Tag.WIDTH),
-        (Tag.TILE_DEPTH, Tag.TILE_LENGTH, Tag.TILE_WIDTH),
-    ):
-        size = _tag(tags, length, 0), _tag(tags, width, 0), channels
-        check_size(size if depth not in tags else (_tag(tags, depth, 1), *size))
+    image = (Tag.IMAGE_DEPTH, 1), (Tag.LENGTH, 0), (Tag.WIDTH, 0)
+    depth, length, width = (_tag(tags, *each) for each in image)
+    # What a tile does not say is that of the image
+    tile = (Tag.TILE_DEPTH, depth), (Tag.TILE_LENGTH, length), (Tag.TILE_WIDTH, width)
+    for solid in ((depth, length, width), tuple(_tag(tags, *each) for each in tile)):
+        check_size((*(solid if solid[0] > 1 else solid[1:]), channels))
 
 
 def _only_page(pages: list[Directory]) -> Directory:

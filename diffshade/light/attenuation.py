@@ -56,9 +56,10 @@ class QuadraticAttenuation(AbstractAttenuation):
 
 
 class LinearAttenuation(AbstractAttenuation):
-    """f(d) = 1 / (c0 + c1 d), with c0, c1 >= 0; not clamped; 0 where the denominator is 0.
+    """f(d) = 1 / (c0 + c1 d), with c0, c1 >= 0; not clamped; 0 where the denominator is.
 
-    In float32 a denominator other than 0 has finite second derivatives from 1e-6 on.
+    A denominator below 4e-29 (in float64 2e-231) counts as 0; from 1e-6 (1e-40) on second derivatives
+    are finite.
 
     >>> float(LinearAttenuation(1.0, 0.5)(jnp.array(2.0)))
     0.5
@@ -112,7 +113,7 @@ class Windowed(AbstractAttenuation):
     reach: Float[Array, "..."] = eqx.field(converter=positive("reach"))
 
     def __call__(self, d: Plane) -> Plane:
-        part = jnp.where(d < self.reach, d, self.reach) * guard.reciprocal(self.reach)
+        part = d * guard.reciprocal(self.reach)
         square = part * part
         window = jnp.where(d < self.reach, 1 - square * square, 0)
         return self.law(d) * (window * window)

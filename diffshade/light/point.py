@@ -21,7 +21,7 @@ class PointLight(AbstractLight):
 
     `intensity` is I_p, one number or one a channel, in any unit of radiance. `attenuation` is a
     factor f(d) on it; None means f = 1, and the distance is not computed. At a point that coincides
-    with the light, up to 5e-7 units of length in float32 and 3e-52 in float64, l is zero: the point
+    with the light, up to 5e-7 units of length in float32 and 5e-52 in float64, l is zero: the point
     receives nothing, and every derivative there is 0.
 
     >>> PointLight(position=(5, 20, 30), intensity=(1, 1, 1)).position.shape

@@ -14,7 +14,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from contract import CONTRACT, MODES, Contract, finite
+from contract import CONTRACT, Contract, failure, finite
 from hypothesis import HealthCheck, given, settings
 from strategies import Deck, decks
 
@@ -42,16 +42,13 @@ def tried(contract: Contract, dtype: Any, cases: int, batch: int) -> tuple[int, 
         drawn = contract.cases(deck)
         fine = np.asarray(program(drawn))
         count += batch
-        bad = np.flatnonzero(~fine.all(axis=1))
-        if bad.size:
-            modes = ", ".join(mode for mode, ok in zip(MODES, fine[bad[0]], strict=True) if not ok)
-            one = {name: x[bad[0]].tolist() for name, x in drawn.items()}
-            raise NotFinite(f"{modes}: {one}")
+        if found := failure(drawn, fine):
+            raise NotFinite(found)
 
     try:
         draw()
-    except NotFinite as failure:
-        return count, str(failure)
+    except NotFinite as error:
+        return count, str(error)
     return count, None
 
 
@@ -79,12 +76,12 @@ def main() -> int:
             start = time.perf_counter()
             with jax.enable_x64(bits == 64):
                 dtype = np.dtype(f"float{bits}")
-                count, failure = tried(contract, dtype, options.cases, options.batch)
+                count, found = tried(contract, dtype, options.cases, options.batch)
             seconds = time.perf_counter() - start
-            said = "finite" if failure is None else "NOT FINITE"
+            said = "finite" if found is None else "NOT FINITE"
             print(f"| {name} | {bits} | {count} | {seconds:.0f} | {said} |", flush=True)
-            if failure is not None:
-                failures.append(f"{name}, float{bits}: {failure}")
+            if found is not None:
+                failures.append(f"{name}, float{bits}: {found}")
     print("", *failures, sep="\n")
     return 1 if failures else 0
 

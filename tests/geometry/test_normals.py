@@ -243,3 +243,9 @@ def test_derivatives_by_finite_differences():
     check_grads(all_normals, (vertices,), order=1, atol=1e-6, rtol=1e-6)
     _, moved = jax.jvp(all_normals, (vertices,), (vertices[:, ::-1],))
     assert (jnp.abs(moved).max(axis=1) > 1e-4).all()
+
+
+@pytest.mark.parametrize("size", [1e-15, 1e-7, 1.0, 1e15])
+def test_the_normal_of_a_polygon_of_any_size(size: float) -> None:
+    square = jnp.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) * size
+    np.testing.assert_allclose(newell_normal(square), [0, 0, 1], atol=1e-6)

@@ -9,6 +9,7 @@ from malformed.case import Case
 from malformed.cases import cases, refusal
 
 from diffshade.errors import BadInput
+from diffshade.io.contents import refusing
 from diffshade.io.image import read_image
 from diffshade.io.limits import VARIABLE, check_size, largest
 
@@ -67,3 +68,11 @@ def test_more_than_the_limit_is_refused() -> None:
         check_size((2**29 + 1,))
     with pytest.raises(BadInput, match=r"claims 10\^18 or more x 2 values"):
         check_size((10**30, 2))
+
+
+def test_an_exception_without_words_is_named(tmp_path: Path) -> None:
+    with (
+        pytest.raises(BadInput, match=r"is no such file \(EOFError\); save it again"),
+        refusing(tmp_path / "a", "is no such file", "save it again"),
+    ):
+        raise EOFError

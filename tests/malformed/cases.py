@@ -41,6 +41,8 @@ def refusal(case: Case, folder: Path) -> str:
             case.format.read(path)
         except BadInput as error:
             message = str(error)
+        except Exception as error:
+            raise AssertionError(f"{type(error).__name__}, which is no refusal: {error}") from error
         else:
             raise AssertionError("it was read")
     assert "\n" not in message

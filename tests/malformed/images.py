@@ -177,6 +177,7 @@ def of_tiff() -> Iterator[Case]:
     yield tags("absurd header", "100,000 x 100,000", {256: HUGE, 257: HUGE})
     yield tags("absurd header", "4e9 rows", {257: 2**32 - 1})
     yield tags("absurd header", "tiles", {322: 2**31, 323: 2**31})
+    yield tags("absurd header", "tiles of one size only", {322: 2**31})
     yield tags("absurd header", "depth", {32997: 2**31})
     yield tags("absurd header", "channels", {277: 65_535, 256: HUGE})
 

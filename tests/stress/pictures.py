@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 from reference import shade, unit
-from stress.case import HardScene, Verdict, precision
+from stress.hard_scene import HardScene, Verdict, precision, timed
 
 import diffshade as ds
 
@@ -103,8 +103,8 @@ def compared(
     gbuffer: ds.GBuffer, scene: ds.Scene, material: ds.Material, known: np.ndarray
 ) -> Verdict:
     """The image and its gradient."""
-    image = np.asarray(ds.render(gbuffer, scene, material), np.float64)
-    slopes = slopes_of(gbuffer, scene, material)
+    image, seconds = timed(lambda: np.asarray(ds.render(gbuffer, scene, material), np.float64))
+    slopes, more = timed(lambda: slopes_of(gbuffer, scene, material))
     if not (
         np.isfinite(image).all() and all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
     ):
@@ -112,7 +112,7 @@ def compared(
     brightest = float(np.abs(known).max(initial=0))
     error = float(np.abs(image - known).max(initial=0)) / (brightest or 1.0)
     kind = "right" if error <= ROUNDING[precision()] else "wrong"
-    return Verdict(kind, f"within {error:.1e} of the maximum {brightest:.3g}")
+    return Verdict(kind, f"within {error:.1e} of the maximum {brightest:.3g}", seconds + more)
 
 
 def rendered(
@@ -185,9 +185,13 @@ def huge(size: int) -> Callable[[], Verdict]:
     """An image of so many pixels a side, against the plain model at some of them."""
 
     def attempt() -> Verdict:
-        gbuffer = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(size, size, 2.2))
         lights = [light(ABOVE, (1.0, 0.1, 0.05))]
-        image = ds.render(gbuffer, scene_of(lights), material_of(PLAIN))
+
+        def ours() -> jax.Array:
+            gbuffer = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(size, size, 2.2))
+            return ds.render(gbuffer, scene_of(lights), material_of(PLAIN))
+
+        image, seconds = timed(ours)
         if not bool(jax.numpy.isfinite(image).all()):
             return Verdict("not finite", "the image")
         rows = np.arange(0, size, max(size // 16, 1))
@@ -209,7 +213,7 @@ def huge(size: int) -> Callable[[], Verdict]:
         error = float(np.abs(np.asarray(image[rows])[inside] - known).max() / known.max())
         # The points are those of exact pixels: rounding of the G-buffer's is in it.
         kind = "right" if error <= 20 * ROUNDING[precision()] else "wrong"
-        return Verdict(kind, f"within {error:.1e} of the maximum")
+        return Verdict(kind, f"within {error:.1e} of the maximum", seconds)
 
     return attempt
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import jax
 from stress import pictures, recoveries
-from stress.case import LIMIT, HardScene, Verdict, tried
+from stress.hard_scene import LIMIT, HardScene, Verdict, tried
 
 __all__ = ["Result", "results", "scenes"]
 

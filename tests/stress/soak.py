@@ -9,7 +9,6 @@ is held against the middle.
 """
 
 import argparse
-import resource
 import statistics
 import sys
 import time
@@ -66,7 +65,9 @@ def steady(stretches: list[Stretch]) -> list[str]:
 
 
 def soak(fits: int, stretches: int, seed: int) -> Iterator[Stretch]:
-    """So many fits in each stretch."""
+    """So many fits in each stretch; needs Unix, which tells of a process's memory."""
+    import resource
+
     rng = np.random.default_rng(seed)
     for _ in range(stretches):
         right, times = 0, []

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from stress import recoveries
-from stress.case import HARMLESS, HardScene, tried
+from stress.hard_scene import HARMLESS, HardScene, tried
 from stress.pictures import LAMP, PLAIN, everywhere, rendered
 from stress.recoveries import LAMPS, fitted
 from stress.score import scenes

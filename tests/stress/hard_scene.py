@@ -2,27 +2,37 @@
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from diffshade.errors import BadInput
 
-__all__ = ["HARMLESS", "LIMIT", "HardScene", "Verdict", "precision", "tried"]
+__all__ = ["HARMLESS", "LIMIT", "HardScene", "Verdict", "precision", "timed", "tried"]
 
 HARMLESS = ("right", "not identified", "refused")
 """What may come of a scene. "not finite", "wrong" (and yet confident) and "too slow" may not."""
 LIMIT = 120.0
-"""Seconds a scene may take, compilation included."""
+"""Seconds that ours may take of a scene, compilation included."""
+
+T = TypeVar("T")
 
 
 class Verdict(NamedTuple):
-    """What came of a scene, and of what that was seen."""
+    """What came of a scene, of what that was seen, and how long ours took."""
 
     kind: str
     detail: str
     seconds: float = 0.0
+
+
+def timed(ours: Callable[[], T]) -> tuple[T, float]:
+    """The result, and the seconds that it took."""
+    started = time.perf_counter()
+    result = jax.block_until_ready(ours())
+    return result, time.perf_counter() - started
 
 
 class HardScene(NamedTuple):
@@ -37,15 +47,11 @@ class HardScene(NamedTuple):
 
 def tried(scene: HardScene) -> Verdict:
     """The verdict on a scene, in the precision that is set."""
-    started = time.perf_counter()
     try:
         found = scene.attempt()
     except BadInput as error:
-        found = Verdict("refused", str(error))
-    seconds = time.perf_counter() - started
-    if seconds > LIMIT:
-        return Verdict("too slow", f"{seconds:.0f} s", seconds)
-    return found._replace(seconds=seconds)
+        return Verdict("refused", str(error))
+    return found if found.seconds <= LIMIT else found._replace(kind="too slow")
 
 
 def precision() -> type[np.floating]:
