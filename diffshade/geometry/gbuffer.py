@@ -212,7 +212,8 @@ def _image_of_vectors(name: str, value: ArrayLike, shape: tuple[int, int] | None
     else:
         with (
             jax.ensure_compile_time_eval(),  # inside jit too it decides the foreground
-            np.errstate(over="ignore"),  # what is infinite then is looked at as such
+            # What is infinite then is looked at as such; a signalling NaN is one like any other
+            np.errstate(over="ignore", invalid="ignore"),
         ):
             array = jax.device_put(np.asarray(value, jax.dtypes.canonicalize_dtype(float)))
     if not jnp.issubdtype(array.dtype, jnp.floating):

@@ -14,7 +14,9 @@ from diffshade.io.limits import check_size
 
 __all__ = ["read_matlab"]
 
-_HEADER, _COMPRESSED = 128, 15
+_HEADER, _MATRIX, _COMPRESSED = 128, 14, 15
+_ARRAYS, _TYPES = range(6, 16), frozenset((*range(1, 8), 9, 12, 13, *range(16, 19)))
+"""The classes of matrices of numbers, and the types of their parts, as the format numbers them."""
 _NUMBERS = {"single", "double", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32))}
 
 
@@ -57,11 +59,30 @@ def _unpacked(data: bytes) -> bytes:
         part = data[position : position + 8 + size]
         if kind == _COMPRESSED:
             part = _inflated(part[8:], order)
+        _check_types(part, order)
         parts.append(part)
         values += len(part) // 8
         check_size((values,))
         position += 8 + size
     return b"".join(parts)
+
+
+def _check_types(element: bytes, order: str) -> None:
+    """Refuse a matrix of which a part has no type: SciPy would crash over it, and Python with it."""
+    if len(element) < 24:
+        return
+    kind, flags = struct.unpack_from(f"{order}I12xI", element)
+    is_array = kind == _MATRIX and flags & 0xFF in _ARRAYS
+    position = 8
+    for _ in range(5 if is_array else 0):  # flags, dimensions, name, real and imaginary part
+        if position + 8 > len(element):
+            break
+        kind, size = struct.unpack_from(f"{order}II", element, position)
+        is_short = kind > 0xFFFF  # it stands in its own tag, and its size beside its type
+        kind &= 0xFFFF
+        position += 8 if is_short else 8 + -(-size // 8) * 8
+        if kind not in _TYPES:
+            raise BadInput(f"holds numbers of an unknown type ({kind}); save it again")
 
 
 def _inflated(packed: bytes, order: str) -> bytes:

@@ -44,7 +44,7 @@ def read(data: bytes) -> Decoded:
 def _exposure(entries: list[tuple[str, str]]) -> np.ndarray:
     """The factor by which each channel was multiplied; the entries accumulate."""
     factor = np.ones(3)
-    with np.errstate(over="ignore", under="ignore"):
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         for key, value in entries:
             if key in ("EXPOSURE", "COLORCORR"):
                 factor *= [float(number) for number in value.split()]

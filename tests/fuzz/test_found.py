@@ -43,6 +43,23 @@ def test_normals_that_overflow_float32_are_refused(parser: str, tmp_path: Path) 
         assert not target.attempt(target.valid.replace(number, huge, 1))
 
 
+def test_a_signalling_nan_outside_the_object_is_a_nan(tmp_path: Path) -> None:
+    (format,) = (f for f in formats() if f.name == "npy")
+    target = Target(format, tmp_path)
+    number, signalling = b"333333\xe3?", b"\x9a\x99\x99\x99\x99\x99\xf0\x7f"
+    assert number in target.valid
+    with jax.enable_x64(False):
+        assert target.attempt(target.valid.replace(number, signalling, 1))
+
+
+def test_exposures_that_are_no_number_are_refused(tmp_path: Path) -> None:
+    """1e300 twice, and then 0."""
+    (format,) = (f for f in formats() if f.name == "hdr")
+    target = Target(format, tmp_path)
+    lines = b"\nEXPOSURE=1e300\nEXPOSURE=1e300\nEXPOSURE=0\n"
+    assert not target.attempt(target.valid.replace(b"\n", lines, 1))
+
+
 def test_what_scipy_warns_of_is_refused(tmp_path: Path) -> None:
     """A file without a header, whose first number says that it is of a VAX."""
     (format,) = (f for f in formats() if f.name == "mat")

@@ -193,6 +193,15 @@ def of_mat() -> Iterator[Case]:
     yield damaged(MAT, "wrong shape", "negative", sized(-4, 5, 3))
     yield damaged(MAT, "wrong shape", "more than is there", sized(40, 5, 3))
 
+    numbers = mat(Normal_gt=NORMAL).index(struct.pack("<II", 9, NORMAL.size * 8))
+    for kind in (0, 8, 14, 19, 0xFFFF):
+        yield damaged(
+            MAT,
+            "wrong dtype",
+            f"numbers of type {kind}",
+            lambda c, k=kind: c[:numbers] + struct.pack("<I", k) + c[numbers + 4 :],
+        )
+
     def compressed(claimed: int) -> bytes:
         """One element that unpacks to 16 MB of zeros, and claims so many bytes."""
         packed = zlib.compress(struct.pack("<II", 14, claimed) + bytes(2**24))
