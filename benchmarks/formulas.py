@@ -214,7 +214,7 @@ FORMULAS = (
         "Blinn-Phong",
         partial(ours_lobe, blinn_phong),
         partial(exact_lobe, exact.blinn_phong),
-        lobe_strata(7, 90, 150, 2500, 0.5, 25, 300),
+        lobe_strata(7, 90, 150, 2500, 0.5, 50, 800),
         floor=1,
     ),
     Formula(

@@ -1,5 +1,6 @@
 """The formats that can be read: recognised by content, never by name, each read by its module."""
 
+import logging
 from enum import Enum
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from diffshade.io.contents import read_bytes
 from diffshade.io.decoded import Decoded
 
 __all__ = ["Format", "decode_file", "identify"]
+
+# What it warns of is in the refusal; where nobody asked for logs, none are on standard error.
+logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
 
 
 class Format(Enum):

@@ -1,5 +1,7 @@
 """How much one file may claim, and who decides."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -76,3 +78,13 @@ def test_an_exception_without_words_is_named(tmp_path: Path) -> None:
         refusing(tmp_path / "a", "is no such file", "save it again"),
     ):
         raise EOFError
+
+
+def test_nothing_is_said_beside_the_refusal(tmp_path: Path) -> None:
+    """In a process in which nobody listens to logs: Python prints what is logged there."""
+    (case,) = (c for c in cases() if (c.format.name, c.name) == ("png", "0 x 5"))
+    read = "from diffshade.io.image import read_image; import sys; read_image(sys.argv[1])"
+    command = [sys.executable, "-c", read, str(case.make(tmp_path))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "PNG warning" not in done.stderr
+    assert "diffshade.errors.BadInput" in done.stderr
