@@ -19,6 +19,7 @@ from strategies import Cases, Deck
 
 import diffshade as ds
 from diffshade import guard, vector
+from diffshade.colour import device, interpolate
 from diffshade.fusion import search_options
 from diffshade.geometry import normals
 from diffshade.geometry.surface import Visibility
@@ -30,6 +31,7 @@ __all__ = ["CONTRACT", "NO_FLOATS", "Contract", "exported", "failure", "finite"]
 MODES = ("value", "grad", "jacfwd", "jacrev", "hessian")
 
 NO_FLOATS = {
+    "interpolate.SYSTEMS": "names, and functions of `colour.device`",
     "guard.shortest": "a constant of a type",
     "BadInput": "an exception",
     "compiler_options": "options of a compiler",
@@ -67,7 +69,10 @@ class _Noted(dict[str, Any]):
 
 def exported() -> Iterator[str]:
     """The public names: of the package, and of the modules that formulas are read in."""
-    modules: tuple[ModuleType, ...] = (ds, guard, vector, normals, lambert, phong, blinn_phong)
+    modules: tuple[ModuleType, ...] = (
+        *(ds, guard, vector, normals, lambert, phong, blinn_phong),
+        *(device, interpolate),
+    )
     for module in modules:
         for name in module.__all__:
             within = module.__name__.rpartition(".")[2]
@@ -296,6 +301,17 @@ def lobe(f: Callable[..., Any]) -> Contract:
     return Contract(directions, of)
 
 
+def of_colours(f: Callable[..., Any]) -> Contract:
+    """A function of a colour."""
+    return Contract(strategies.colours, lambda case: f(case["colour"]))
+
+
+def between_colours(case: dict[str, Any]) -> Any:
+    """The way from one colour to another in every system."""
+    ends = case["colour"], case["other"]
+    return [interpolate.interpolate(*ends, case["share"], name) for name in interpolate.SYSTEMS]
+
+
 def powers(deck: Deck) -> Cases:
     """A cosine, and an exponent."""
     return {"x": deck.numbers(most=1.0), "n": strategies.materials(deck)["shininess"]}
@@ -365,6 +381,14 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("normals.area_weights",): of_corners(normals.area_weights),
     ("normals.sphere_weights",): of_corners(normals.sphere_weights),
     ("normals.uniform_weights",): of_corners(normals.uniform_weights),
+    # Colours
+    **{
+        (f"device.{name}",): of_colours(getattr(device, name))
+        for name in device.__all__
+        if name != "cmyk_to_rgb"
+    },
+    ("device.cmyk_to_rgb",): of_colours(lambda rgb: device.cmyk_to_rgb(device.rgb_to_cmyk(rgb))),
+    ("interpolate.interpolate",): Contract(strategies.colours, between_colours),
     # Lobes
     ("phong.phong",): lobe(phong.phong),
     ("blinn_phong.blinn_phong",): lobe(blinn_phong.blinn_phong),

@@ -19,6 +19,7 @@ __all__ = [
     "attenuations",
     "cameras",
     "captures",
+    "colours",
     "decks",
     "lights",
     "materials",
@@ -218,6 +219,21 @@ def scenes(deck: Deck) -> Cases:
 def captures(deck: Deck) -> Cases:
     """A scene, and what was observed of it."""
     return scenes(deck) | {"observed": deck.numbers(1, most=deck.brightest)}
+
+
+def colours(deck: Deck) -> Cases:
+    """Two colours in [0, 1] and a share: greys, all but greys, equal components, black, white."""
+    free = deck.positive(3, most=1.0)
+    grey = np.repeat(free[:, :1], 3, axis=1)
+    pair = np.stack([free[:, 0], free[:, 0], free[:, 2]], axis=1)
+    almost = grey * (1 - deck.rng.integers(0, 4, (deck.count, 3)) * deck.info.eps)
+    ties = [grey, pair, almost, pair[:, ::-1], 0 * free, 0 * free + 1]
+    other = deck.tied(0.3, [free, 1 - free, free[:, ::-1]], deck.positive(3, most=1.0))
+    return {
+        "colour": deck.tied(0.6, [x.astype(deck.dtype) for x in ties], free),
+        "other": other,
+        "share": deck.positive(most=1.0),
+    }
 
 
 def cameras(deck: Deck) -> Cases:

@@ -15,6 +15,7 @@ from strategies import LONGEST, Deck, decks, scenes
 
 import diffshade as ds
 from diffshade import guard
+from diffshade.colour.device import rgb_to_hls, rgb_to_hsv
 from diffshade.geometry.normals import angle_weights, plane_normals
 from diffshade.reflectance.blinn_phong import blinn_phong
 from diffshade.reflectance.lambert import lambert
@@ -177,6 +178,15 @@ KINKS = {
         (X[None], X[None], Y[None]),
         (0, 0, 0),
     ),
+    # Value and lightness are shared among equals
+    "grey in HSV": Kink(
+        lambda rgb: rgb_to_hsv(rgb)[::2], (0.25 * (X + Y + Z),), [[0] * 3, [1 / 3] * 3]
+    ),
+    "black in HSV": Kink(rgb_to_hsv, (ZERO,), [[0] * 3, [0] * 3, [1 / 3] * 3]),
+    "grey in HLS": Kink(
+        lambda rgb: rgb_to_hls(rgb)[:2], (0.25 * (X + Y + Z),), [[0] * 3, [1 / 3] * 3]
+    ),
+    "white in HLS": Kink(rgb_to_hls, (X + Y + Z,), [[0] * 3, [1 / 3] * 3, [0] * 3]),
     "a face without area": Kink(of_arrays(plane_normals), (X, X, Y), (0, 0, 0)),
 }
 
