@@ -43,6 +43,7 @@ __all__ = [
     "positive",
     "power",
     "power_of_log",
+    "ratio",
     "reciprocal",
     "reciprocal_sqrt",
     "shortest",
@@ -94,6 +95,14 @@ def reciprocal(x: Plane) -> Plane:
 @reciprocal.derivative
 def _(y: Plane, planes: Any, tangents: Any) -> Plane:
     return -y * (y * tangents[0])
+
+
+def ratio(part: Plane, whole: Plane) -> Plane:
+    """part / whole; 0 with derivative 0 where |whole| is at most `shortest`: no colour, no share.
+
+    The second derivative, part / whole^3, is finite for parts that are not larger than the whole.
+    """
+    return part * reciprocal(jnp.where(jnp.abs(whole) <= shortest(whole), 0, whole))
 
 
 def power(x: Plane, n: Plane) -> Plane:

@@ -19,7 +19,7 @@ from strategies import Cases, Deck
 
 import diffshade as ds
 from diffshade import guard, vector
-from diffshade.colour import device, interpolate
+from diffshade.colour import cie, device, interpolate, srgb, transfer
 from diffshade.fusion import search_options
 from diffshade.geometry import normals
 from diffshade.geometry.surface import Visibility
@@ -32,6 +32,13 @@ MODES = ("value", "grad", "jacfwd", "jacrev", "hessian")
 
 NO_FLOATS = {
     "interpolate.SYSTEMS": "names, and functions of `colour.device`",
+    "cie.D65": "two numbers",
+    "cie.SRGB": "numbers",
+    "cie.Primaries": "numbers of the host",
+    "cie.in_gamut": "says yes or no",
+    "transfer.intensity_levels": "computed on the host",
+    "transfer.levels_needed": "computed on the host",
+    "transfer.look_up_table": "computed on the host",
     "guard.shortest": "a constant of a type",
     "BadInput": "an exception",
     "compiler_options": "options of a compiler",
@@ -71,7 +78,7 @@ def exported() -> Iterator[str]:
     """The public names: of the package, and of the modules that formulas are read in."""
     modules: tuple[ModuleType, ...] = (
         *(ds, guard, vector, normals, lambert, phong, blinn_phong),
-        *(device, interpolate),
+        *(cie, device, interpolate, srgb, transfer),
     )
     for module in modules:
         for name in module.__all__:
@@ -306,6 +313,11 @@ def of_colours(f: Callable[..., Any]) -> Contract:
     return Contract(strategies.colours, lambda case: f(case["colour"]))
 
 
+def of_shares(case: dict[str, Any]) -> jax.Array:
+    """Of the components in their sum."""
+    return guard.ratio(case["colour"], case["colour"].sum(keepdims=True))
+
+
 def between_colours(case: dict[str, Any]) -> Any:
     """The way from one colour to another in every system."""
     ends = case["colour"], case["other"]
@@ -356,6 +368,7 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("guard.log_one_minus",): Contract(
         powers, lambda case: guard.power_of_log(guard.log_one_minus(abs(case["x"])), case["n"])
     ),
+    ("guard.ratio",): Contract(strategies.colours, of_shares),
     ("guard.positive", "lambert.lambert"): of_numbers(lambert.lambert),
     ("guard.reciprocal",): of_inverses(guard.reciprocal),
     ("guard.reciprocal_sqrt",): of_numbers(guard.reciprocal_sqrt),
@@ -388,6 +401,16 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
         if name != "cmyk_to_rgb"
     },
     ("device.cmyk_to_rgb",): of_colours(lambda rgb: device.cmyk_to_rgb(device.rgb_to_cmyk(rgb))),
+    ("cie.rgb_to_xyz", "cie.xyz_to_rgb"): of_colours(lambda x: cie.xyz_to_rgb(cie.rgb_to_xyz(x))),
+    ("cie.between_screens",): of_colours(lambda x: cie.between_screens(x, cie.SRGB, cie.SRGB)),
+    ("cie.xyz_to_xyy",): of_colours(cie.xyz_to_xyy),
+    ("cie.xyy_to_xyz",): of_colours(lambda x: cie.xyy_to_xyz(cie.xyz_to_xyy(x))),
+    ("cie.xyz_to_luv",): of_colours(cie.xyz_to_luv),
+    ("cie.luv_to_xyz",): of_colours(lambda x: cie.luv_to_xyz(cie.xyz_to_luv(x))),
+    ("srgb.from_srgb",): of_colours(srgb.from_srgb),
+    ("srgb.to_srgb",): of_colours(srgb.to_srgb),
+    ("transfer.displayed",): of_colours(lambda x: transfer.displayed(x, 2.2)),
+    ("transfer.value_for",): of_colours(lambda x: transfer.value_for(x, 2.2)),
     ("interpolate.interpolate",): Contract(strategies.colours, between_colours),
     # Lobes
     ("phong.phong",): lobe(phong.phong),

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from diffshade import guard
+from diffshade.colour.matrix import transformed
 
 __all__ = [
     "cmy_to_rgb",
@@ -30,7 +31,7 @@ __all__ = [
 ]
 
 Plane = Float[Array, "..."]
-Colour = Float[Array, "*N 3"]
+Colour = Float[Array, "... 3"]
 
 YIQ = np.array([[0.299, 0.587, 0.114], [0.596, -0.275, -0.321], [0.212, -0.523, 0.311]])
 """Rows Y, I and Q of R, G and B."""
@@ -55,7 +56,7 @@ def cmy_to_rgb(cmy: Colour) -> Colour:
     return 1 - cmy
 
 
-def rgb_to_cmyk(rgb: Colour) -> Float[Array, "*N 4"]:
+def rgb_to_cmyk(rgb: Colour) -> Float[Array, "... 4"]:
     """K = min(C, M, Y), which is taken from each of them: black ink in place of equal parts of all.
 
     >>> rgb_to_cmyk(jnp.array([1.0, 0.5, 0.25])).tolist()
@@ -66,7 +67,7 @@ def rgb_to_cmyk(rgb: Colour) -> Float[Array, "*N 4"]:
     return jnp.concatenate([cmy - black, black], axis=-1)
 
 
-def cmyk_to_rgb(cmyk: Float[Array, "*N 4"]) -> Colour:
+def cmyk_to_rgb(cmyk: Float[Array, "... 4"]) -> Colour:
     """(R, G, B) = 1 - ((C, M, Y) + K).
 
     >>> cmyk_to_rgb(jnp.array([0.0, 0.5, 0.75, 0.0])).tolist()
@@ -83,7 +84,7 @@ def rgb_to_yiq(rgb: Colour) -> Colour:
     >>> rgb_to_yiq(jnp.array([1.0, 0.0, 0.0])).round(3).tolist()
     [0.299..., 0.596..., 0.212...]
     """
-    return _by(YIQ, rgb)
+    return transformed(rgb, YIQ)
 
 
 def yiq_to_rgb(yiq: Colour) -> Colour:
@@ -92,7 +93,7 @@ def yiq_to_rgb(yiq: Colour) -> Colour:
     >>> yiq_to_rgb(jnp.array([1.0, 0.0, 0.0])).round(3).tolist()
     [1.0, 1.0, 1.0]
     """
-    return _by(RGB, yiq)
+    return transformed(yiq, RGB)
 
 
 def rgb_to_hsv(rgb: Colour) -> Colour:
@@ -102,7 +103,7 @@ def rgb_to_hsv(rgb: Colour) -> Colour:
     [180.0, 1.0, 0.5]
     """
     most, least = rgb.max(axis=-1), rgb.min(axis=-1)
-    return jnp.stack([_hue(rgb), _share(most - least, most), most], axis=-1)
+    return jnp.stack([_hue(rgb), guard.ratio(most - least, most), most], axis=-1)
 
 
 def hsv_to_rgb(hsv: Colour) -> Colour:
@@ -133,7 +134,7 @@ def rgb_to_hls(rgb: Colour) -> Colour:
     """
     most, least = rgb.max(axis=-1), rgb.min(axis=-1)
     both = most + least
-    saturation = _share(most - least, jnp.where(both <= 1, both, 2 - both))
+    saturation = guard.ratio(most - least, jnp.where(both <= 1, both, 2 - both))
     return jnp.stack([_hue(rgb), both / 2, saturation], axis=-1)
 
 
@@ -163,14 +164,5 @@ def _hue(rgb: Colour) -> Plane:
     first, second = (red >= green) & (red >= blue), green >= blue
     ahead = jnp.where(first, green - blue, jnp.where(second, blue - red, red - green))
     start = jnp.where(first, 0, jnp.where(second, 2, 4)).astype(rgb.dtype)
-    sixths = _share(ahead, most - least)
+    sixths = guard.ratio(ahead, most - least)
     return 60 * jnp.where(first & (sixths < 0), sixths + 6, start + sixths)
-
-
-def _share(part: Plane, whole: Plane) -> Plane:
-    """part / whole; 0 with derivative 0 where the whole counts as zero."""
-    return part * guard.reciprocal(jnp.where(whole <= guard.shortest(whole), 0, whole))
-
-
-def _by(matrix: np.ndarray, colours: Colour) -> Colour:
-    return jnp.einsum("ij,...j->...i", jnp.asarray(matrix, colours.dtype), colours)

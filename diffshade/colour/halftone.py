@@ -8,14 +8,14 @@ makes has no derivative.
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
+from numpy.typing import ArrayLike
 
 from diffshade.errors import BadInput
 
 __all__ = ["clustered_dot", "dispersed_dot", "dither", "halftone", "level_count"]
 
 Matrix = Int[np.ndarray, "n n"]
-Image = Float[np.ndarray, "H W"]
 
 _THREE = np.array([[6, 8, 4], [1, 0, 3], [5, 2, 7]])
 
@@ -75,7 +75,7 @@ def level_count(order: int, bits: int | tuple[int, ...] = 1) -> int:
     return int(np.prod([order**2 * (2**m - 1) + 1 for m in each], dtype=object))
 
 
-def halftone(image: Image, matrix: Matrix, bits: int = 1) -> Int[np.ndarray, "H*n W*n"]:
+def halftone(image: ArrayLike, matrix: Matrix, bits: int = 1) -> Int[np.ndarray, "..."]:
     """Every pixel as a cell of n x n device pixels, of values 0 to 2^bits - 1.
 
     The mean of a cell is the nearest of the levels. Raises `BadInput` for intensities outside [0, 1],
@@ -89,7 +89,7 @@ def halftone(image: Image, matrix: Matrix, bits: int = 1) -> Int[np.ndarray, "H*
     return _printed(levels, matrix)
 
 
-def dither(image: Image, matrix: Matrix, bits: int = 1) -> Int[np.ndarray, "H W"]:
+def dither(image: ArrayLike, matrix: Matrix, bits: int = 1) -> Int[np.ndarray, "H W"]:
     """Every pixel as one device pixel, lit where S(x, y) > D[x mod n, y mod n], S its level.
 
     The mean over an even region is the nearest of the levels. x is the column, y the row, counted from
@@ -108,7 +108,7 @@ def _printed(levels: Int[np.ndarray, "H W"], matrix: Matrix) -> Int[np.ndarray, 
     return whole + (rest > matrix[x % order, y % order])
 
 
-def _levels(image: Image, order: int, bits: int) -> Int[np.ndarray, "H W"]:
+def _levels(image: ArrayLike, order: int, bits: int) -> Int[np.ndarray, "H W"]:
     values = np.asarray(image, np.float64)
     if values.ndim != 2:
         raise BadInput(f"the image has shape {values.shape}: give intensities [H, W]")

@@ -42,7 +42,7 @@ HUES = {"hsv", "hls"}
 
 
 def interpolate(
-    start: Colour, end: Colour, share: Float[Array, "*N"] | float, system: str = "rgb"
+    start: Colour, end: Colour, share: Float[Array, "..."] | float, system: str = "rgb"
 ) -> Colour:
     """(1 - share) start + share end in a system of colour, from RGB and back to RGB.
 

@@ -1,15 +1,4 @@
-"""How the values of an image file relate to light, and the way there and back.
-
-IEC 61966-2-1 (sRGB), with V the display-referred and L the linear value:
-
-    V = 12.92 L                       L <= 0.0031308
-    V = 1.055 L^(1/2.4) - 0.055       otherwise
-    L = V / 12.92                     V <= 0.04045
-    L = ((V + 0.055) / 1.055)^2.4     otherwise
-
-The rounded constants of the standard leave a step of 3e-8 at the switch; both functions are
-monotonic. Nothing is clipped: below 0 the linear branch goes on, above 1 the power branch does.
-"""
+"""How the values of an image file relate to light, and the way there and back."""
 
 from enum import Enum
 from typing import Any
@@ -18,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from diffshade.colour.srgb import from_srgb, to_srgb
 from diffshade.errors import BadInput
 
 __all__ = ["Encoding", "decode", "encode_srgb"]
@@ -44,10 +34,7 @@ def encode_srgb(linear: ArrayLike) -> Values:
     >>> encode_srgb([0.0, 0.18, 1.0]).round(4).tolist()
     [0.0, 0.4614, 1.0]
     """
-    light = _floating(linear)
-    # The power is taken of a value that cannot be negative: np.where evaluates both branches.
-    power = 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.where(light <= 0.0031308, 12.92 * light, power)
+    return to_srgb(_floating(linear))
 
 
 def decode(values: ArrayLike, encoding: str | float) -> Values:
@@ -63,8 +50,7 @@ def decode(values: ArrayLike, encoding: str | float) -> Values:
     if encoding == "linear":
         return encoded
     if encoding == "srgb":
-        power = ((np.maximum(encoded, 0.04045) + 0.055) / 1.055) ** 2.4
-        return np.where(encoded <= 0.04045, encoded / 12.92, power)
+        return from_srgb(encoded)
     if _is_gamma(encoding):
         return np.asarray(np.copysign(np.abs(encoded) ** float(encoding), encoded))
     raise BadInput(

@@ -136,6 +136,20 @@ IN_GUARD = (
 GUARDS = (
     *(Guard(name, "guard.py", *rest) for name, *rest in IN_GUARD),
     Guard(
+        "ratio: what is tiny",
+        "guard.py",
+        "jnp.where(jnp.abs(whole) <= shortest(whole), 0, whole)",
+        "whole",
+        finite("guard.ratio"),
+    ),
+    Guard(
+        "the root of black",
+        "colour/cie.py",
+        "jnp.where(is_dark, DARK, brightness)",
+        "brightness",
+        finite("cie.xyz_to_luv"),
+    ),
+    Guard(
         "unit: vectors that are tiny",
         "vector.py",
         "jnp.where(size < guard.shortest(size), 0, size)",
@@ -217,6 +231,9 @@ GUARDS = (
 )
 
 SELECTING = {
+    "colour/cie.py": "the branches of L*; a guard among them is in the list",
+    "colour/device.py": "the branches of hues and of the saturation",
+    "colour/interpolate.py": "the shorter way round",
     "bounds.py": "of values that are never differentiated",
     "geometry/raycast.py": "the same",
     "shading/cull.py": "the same",
