@@ -102,8 +102,8 @@ def xyz_to_rgb(xyz: Colour, primaries: Primaries = SRGB) -> Colour:
 def between_screens(rgb: Colour, own: Primaries, other: Primaries) -> Colour:
     """M_2^-1 M_1 (R, G, B): what another screen needs to show the same colour.
 
-    >>> between_screens(jnp.array([0.5, 0.2, 0.1]), SRGB, SRGB).round(4).tolist()
-    [0.5, 0.2, 0.1]
+    >>> between_screens(jnp.array([0.5, 0.25, 0.125]), SRGB, SRGB).round(4).tolist()
+    [0.5, 0.25, 0.125]
     """
     return transformed(rgb, np.linalg.solve(other.to_xyz, own.to_xyz))
 
