@@ -113,7 +113,7 @@ class Windowed(AbstractAttenuation):
     reach: Float[Array, "..."] = eqx.field(converter=positive("reach"))
 
     def __call__(self, d: Plane) -> Plane:
-        part = d * guard.reciprocal(self.reach)
+        part = jnp.where(d < self.reach, d, self.reach) * guard.reciprocal(self.reach)
         square = part * part
         window = jnp.where(d < self.reach, 1 - square * square, 0)
         return self.law(d) * (window * window)

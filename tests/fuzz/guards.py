@@ -178,6 +178,13 @@ GUARDS = (
         kink("the edge of the clamp"),
     ),
     Guard(
+        "the window: beyond its reach",
+        LAW,
+        "jnp.where(d < self.reach, d, self.reach) * ",
+        "d * ",
+        ("tests/light/test_attenuation.py::test_a_window_ends_smoothly_at_the_reach",),
+    ),
+    Guard(
         "the window: its end",
         LAW,
         "jnp.where(d < self.reach, 1 - square * square, 0)",
