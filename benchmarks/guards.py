@@ -10,7 +10,6 @@ the whole; times and ratios are medians over the rounds.
 import argparse
 import os
 import shutil
-import statistics
 import sys
 import tempfile
 import time
@@ -21,7 +20,9 @@ from typing import Any
 import jax
 from fuzz.guards import GUARDS, PACKAGE, without
 
+from benchmarks.figures import in_turn, median, paired_ratio
 from benchmarks.scenes import Case, ours
+from diffshade.fusion import processors
 
 __all__ = ["compiled", "cost"]
 
@@ -48,16 +49,8 @@ def compiled(folder: Path, size: int) -> tuple[str, Callable[[], Any]]:
 
 def cost(whole: Callable[[], Any], less: Callable[[], Any], rounds: int) -> tuple[float, float]:
     """The median time without a guard, and by what it makes the whole longer."""
-    times, ratios = [], []
-    for turn in range(rounds):
-        seen = {}
-        for call in (whole, less) if turn % 2 else (less, whole):
-            before = time.process_time()
-            call()
-            seen[call] = time.process_time() - before
-        times.append(seen[less])
-        ratios.append(seen[whole] / seen[less])
-    return statistics.median(times), statistics.median(ratios) - 1
+    seen = in_turn({"whole": whole, "less": less}, rounds, time.process_time)
+    return median(seen["less"]), paired_ratio(seen["whole"], seen["less"]) - 1
 
 
 def main() -> None:
@@ -68,9 +61,8 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=512, help="pixels a side")
     parser.add_argument("--rounds", type=int, default=51)
     options = parser.parse_args()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    if cores != 1:
-        parser.error(f"{cores} cores: choose one, as in `taskset -c 0`")
+    if processors() > 1:
+        parser.error(f"{processors()} cores: choose one, as in `taskset -c 0`")
     print(
         f"{options.size} x {options.size}, JAX {jax.__version__}, load {os.getloadavg()[0]:.1f}\n\n"
         "| without | ms | the guard costs |\n|---|---|---|"
@@ -80,7 +72,6 @@ def main() -> None:
         copy = Path(folder).resolve()
         shutil.copytree(PACKAGE, copy / PACKAGE.name)
         text, whole = compiled(copy, options.size)
-        whole()
         _, noise = cost(whole, compiled(copy, options.size)[1], options.rounds)
         print(f"| nothing: what noise makes of it | | {100 * noise:+.1f} % |", flush=True)
         for guard in GUARDS:
@@ -89,7 +80,6 @@ def main() -> None:
             if bare == text:
                 absent.append(guard.name)
                 continue
-            less()
             seconds, more = cost(whole, less, options.rounds)
             print(f"| {guard.name} | {1e3 * seconds:.2f} | {100 * more:+.1f} % |", flush=True)
     print(f"\nNot in this program: {'; '.join(absent)}.")

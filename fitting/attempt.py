@@ -19,7 +19,7 @@ from fitting.observed import Observed
 from fitting.outliers import without_outliers
 from fitting.polish import Minimum, polish
 from fitting.project import Problem
-from fitting.weights import Weighting
+from fitting.weights import Weighting, is_robust
 
 __all__ = ["Attempt", "attempted", "searched"]
 
@@ -51,7 +51,7 @@ def searched(
     edges = limit.lower.astype(observed.dtype), limit.upper.astype(observed.dtype)
     problem = Problem(model, *edges, np.asarray(observed.norm, observed.dtype))
     basins = _program(solver)(problem, observed.sample, grid, box)
-    if weighting is not None and _is_robust(weighting):
+    if weighting is not None and is_robust(weighting):
         # What least squares bends to is taken out, and all is searched anew.
         u, k = basins.u[0], basins.k[0]
         rest = without_outliers(model, observed.sample, weighting, u, k)
@@ -78,7 +78,7 @@ def attempted(
     ones = np.ones(len(observed.photographs)) if gains else None
     minima = [
         polish(problem, observed, limit.box, basins.u[j], basins.k[j], weighting, ones)
-        for j in _worth(basins, np.inf if _is_robust(weighting) else RIVAL * float(basins.cost[0]))
+        for j in _worth(basins, np.inf if is_robust(weighting) else RIVAL * float(basins.cost[0]))
     ]
     minima.sort(key=lambda minimum: minimum.left(observed.count))
     best = minima[0]
@@ -112,10 +112,6 @@ def _program(solver: Solver | None) -> Callable[..., Basins]:
     of_solver = partial(_searched, solver=solver)
     program = _search if solver is None else jax.jit(of_solver, compiler_options=search_options())
     return lambda *arguments: Basins(*program(*arguments))
-
-
-def _is_robust(weighting: Weighting | None) -> bool:
-    return weighting is not None and weighting.robust is not None
 
 
 def _worth(basins: Basins, most: float) -> list[int]:

@@ -19,7 +19,7 @@ from fitting.observed import Observed
 from fitting.outliers import noise
 from fitting.pages import Sums
 from fitting.project import Linearised, Problem, linearise, raw_square
-from fitting.weights import Judge, Weighting
+from fitting.weights import Judge, Weighting, is_robust
 
 __all__ = ["Minimum", "polish"]
 
@@ -75,8 +75,7 @@ class Minimum:
     def robust_noise(self) -> float | None:
         """The noise beside the outliers, where these lost their weight."""
         judge = self.judge
-        robust = judge is not None and judge.weighting.robust is not None
-        return float(judge.scale) if judge is not None and robust else None
+        return float(judge.scale) if judge is not None and is_robust(judge.weighting) else None
 
     def left(self, observations: int) -> float:
         """What is left, by which minima compare; infinite where that is no number.
@@ -156,7 +155,7 @@ def polish(
     """From u and k to the minimum near them, under weights and with gains where they are asked for."""
     follows = weighting is not None or gains is not None
     judge = None if weighting is None else Judge(weighting, u, k, np.ones(()), np.zeros(()))
-    robust = weighting is not None and weighting.robust is not None  # each round has its own scale
+    robust = is_robust(weighting)  # each round has its own scale
     slack = UPHILL if follows else 1 + 1e-12
     best: _Place | None = None
     damping, last = 0.0, False
@@ -269,7 +268,7 @@ def _judged(
 ) -> Judge:
     """A judge at u and k, who knows the noise there."""
     scale = judge.scale
-    if judge.weighting.robust is not None:
+    if is_robust(judge.weighting):
         with jax.enable_x64(True):
             scale = np.asarray(noise(problem.model, observed.sample, judge.weighting, u, k, gains))
     return Judge(judge.weighting, u, k, scale, judge.round + 1)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from diffshade.errors import BadInput
 from fitting.arrays import Array
 
-__all__ = ["Judge", "SensorNoise", "Tukey", "Weighting"]
+__all__ = ["Judge", "SensorNoise", "Tukey", "Weighting", "is_robust"]
 
 Planes = Float[Array, "C P"]
 
@@ -98,6 +98,11 @@ class Weighting(eqx.Module):
         return (
             residual if self.noise is None else residual / jnp.sqrt(self.noise.variance(predicted))
         )
+
+
+def is_robust(weighting: Weighting | None) -> bool:
+    """Whether outliers lose their weight."""
+    return weighting is not None and weighting.robust is not None
 
 
 class Judge(eqx.Module):

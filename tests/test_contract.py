@@ -31,11 +31,6 @@ def test_every_public_name_is_covered_once() -> None:
     assert sorted(covered) == sorted(set(exported()))
 
 
-def precision() -> np.dtype:
-    """The type of numbers that is set."""
-    return jnp.zeros(()).dtype
-
-
 @cache
 def program(names: tuple[str, ...]) -> Callable[[Any], jax.Array]:
     return finite(CONTRACT[names])
@@ -52,7 +47,7 @@ def program(names: tuple[str, ...]) -> Callable[[Any], jax.Array]:
     suppress_health_check=list(HealthCheck),
 )
 def test_values_and_derivatives_are_finite(names: tuple[str, ...], data: Any) -> None:
-    deck: Deck = data.draw(decks(COUNT, precision()))
+    deck: Deck = data.draw(decks(COUNT, jax.dtypes.canonicalize_dtype(float)))
     cases = CONTRACT[names].cases(deck)
     found = failure(cases, np.asarray(program(names)(cases)))
     assert found is None, f"{'/'.join(names)}: {found}"
@@ -61,7 +56,7 @@ def test_values_and_derivatives_are_finite(names: tuple[str, ...], data: Any) ->
 @pytest.mark.slow
 def test_a_page_is_finite_as_one_pixel_is() -> None:
     """Large images take the way of `fusion`, where the nodes of a derivative are stored."""
-    deck = Deck([0.3, 1e-7], seed=1, count=2**14, dtype=precision())
+    deck = Deck([0.3, 1e-7], seed=1, count=2**14, dtype=jax.dtypes.canonicalize_dtype(float))
     case = scenes(deck)
     place, eye = np.array([0.5, 0.25, 1.0]), np.array([0.0, 0.25, 1.0])
     position = deck.tied(0.2, [place + 0 * case["place"], eye + 0 * case["eye"]], case["position"])

@@ -73,7 +73,10 @@ def gbuffer(
         )
     shading = PhongShading() if shading is None else shading
     alone = is_outermost() and is_concrete((geometry, camera, seen, shading))
-    samples, viewer = (_in_bucket if alone else _samples)(geometry, camera, seen, shading)
+    if alone:
+        samples, viewer = _in_bucket(geometry, camera, seen, shading)
+    else:
+        samples, viewer = _sized(geometry, camera, camera.frame, seen, shading)
     everywhere = seen.index.shape[0] == camera.width * camera.height
     return GBuffer(
         shape=seen.shape,
@@ -95,7 +98,7 @@ def _in_bucket(
     seen: Visibility,
     shading: AbstractFrequency,
 ) -> tuple[Samples, AbstractViewer]:
-    """`_samples`, by a program that serves all images with about as many foreground pixels.
+    """`_sized`, by a program that serves all images with about as many foreground pixels.
 
     Rays are followed in double precision, whatever JAX's own is, and what they meet is rounded once:
     where a surface turns away, the last digit of a ray is a hundred times as large in the point.
@@ -137,16 +140,6 @@ def _as_floats(tree: T, dtype: np.dtype) -> T:
     )
 
 
-def _samples(
-    geometry: AbstractSurface,
-    camera: AbstractCamera,
-    seen: Visibility,
-    shading: AbstractFrequency,
-) -> tuple[Samples, AbstractViewer]:
-    """What is shaded, and the viewer."""
-    return _sized(geometry, camera, camera.frame, seen, shading)
-
-
 @jax.jit
 def _sized(
     geometry: AbstractSurface,
@@ -155,5 +148,6 @@ def _sized(
     seen: Visibility,
     shading: AbstractFrequency,
 ) -> tuple[Samples, AbstractViewer]:
+    """What is shaded, and the viewer."""
     rays = camera.through(*frame.points(seen.index, camera.up.dtype))
     return shading.samples(geometry, rays, seen), camera.viewer

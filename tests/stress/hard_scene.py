@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from diffshade.errors import BadInput
@@ -56,4 +55,4 @@ def tried(scene: HardScene) -> Verdict:
 
 def precision() -> type[np.floating]:
     """The type of numbers."""
-    return np.float64 if jnp.zeros(()).dtype == np.float64 else np.float32
+    return jax.dtypes.canonicalize_dtype(float).type

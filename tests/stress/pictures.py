@@ -95,7 +95,10 @@ def exact(gbuffer: ds.GBuffer, lights: Any, plain: Any, ambient: float | None = 
 @jax.jit
 def slopes_of(gbuffer: ds.GBuffer, scene: ds.Scene, material: ds.Material) -> Any:
     """The gradient of the image's sum, by all that a scene and a material hold."""
-    total = lambda scene, material: ds.render(gbuffer, scene, material).sum()  # noqa: E731
+
+    def total(scene: ds.Scene, material: ds.Material) -> jax.Array:
+        return ds.render(gbuffer, scene, material).sum()
+
     return jax.grad(total, argnums=(0, 1))(scene, material)
 
 
@@ -105,10 +108,9 @@ def compared(
     """The image and its gradient."""
     image, seconds = timed(lambda: np.asarray(ds.render(gbuffer, scene, material), np.float64))
     slopes, more = timed(lambda: slopes_of(gbuffer, scene, material))
-    if not (
-        np.isfinite(image).all() and all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
-    ):
-        return Verdict("not finite", "the image" if not np.isfinite(image).all() else "a gradient")
+    for name, numbers in (("the image", image), ("a gradient", slopes)):
+        if not all(np.isfinite(x).all() for x in jax.tree.leaves(numbers)):
+            return Verdict("not finite", name)
     brightest = float(np.abs(known).max(initial=0))
     error = float(np.abs(image - known).max(initial=0)) / (brightest or 1.0)
     kind = "right" if error <= ROUNDING[precision()] else "wrong"
@@ -167,7 +169,8 @@ def masked(*pixels: tuple[int, int]) -> Callable[[ds.GBuffer], ds.GBuffer]:
 
     def change(gbuffer: ds.GBuffer) -> ds.GBuffer:
         mask = np.zeros(gbuffer.shape, bool)
-        mask[tuple(zip(*pixels, strict=True)) if pixels else ()] = bool(pixels)
+        for pixel in pixels:
+            mask[pixel] = True
         planes = np.zeros((2, *gbuffer.shape, 3), precision())
         for plane, values in zip(planes, (gbuffer.position, gbuffer.normal), strict=True):
             plane[np.asarray(gbuffer.mask)] = values.to_array()
