@@ -9,7 +9,7 @@ turn, in CPU time (`taskset -c 1` for one core), and a ratio is the median of th
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -20,8 +20,10 @@ from mpmath import mp, mpf
 from benchmarks import lobe_forms, renders
 from benchmarks.formulas import FORMULAS, Formula, Stratum
 
-__all__ = ["Errors", "measure"]
+__all__ = ["COUNT", "HEADS", "Errors", "Row", "measure", "rows"]
 
+COUNT = 300
+"""Inputs a stratum."""
 STEP = mpf(10) ** -20
 """Of a difference quotient in 50 digits, whose error is its square."""
 
@@ -101,23 +103,54 @@ def _worst(found: np.ndarray, known: list[list[mpf]], floor: float, dtype: Any) 
     return max(errors)
 
 
-def formulas(count: int) -> str:
-    """The table of formulas, as Markdown."""
-    lines = [
-        "| formula | inputs | float32 | float64 | at most | derivative, float32 | float64 | at most |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+class Row(NamedTuple):
+    """The errors of a formula over a stratum, in both precisions."""
+
+    formula: Formula
+    stratum: Stratum
+    single: Errors
+    double: Errors
+
+    @property
+    def cells(self) -> list[str]:
+        """Names, values with their bound, derivatives with theirs."""
+        single, double, stratum = self.single, self.double, self.stratum
+        numbers = (
+            *(single.value, double.value, stratum.value),
+            *(single.derivative, double.derivative, stratum.derivative),
+        )
+        return [
+            self.formula.name,
+            stratum.name,
+            *("" if x is None else f"{x:.3g}" for x in numbers),
+        ]
+
+    @property
+    def holds(self) -> bool:
+        """Whether no error is larger than its bound."""
+        pairs = [(each.value, self.stratum.value) for each in (self.single, self.double)]
+        pairs += [(each.derivative, self.stratum.derivative) for each in (self.single, self.double)]
+        return all(x <= bound for x, bound in pairs if x is not None and bound is not None)
+
+
+HEADS = (
+    *("formula", "inputs", "float32", "float64", "at most"),
+    *("derivative, float32", "float64", "at most"),
+)
+
+
+def rows(count: int) -> Iterator[Row]:
+    """Of every formula and stratum, at so many inputs."""
     for formula in FORMULAS:
         for stratum in formula.strata:
-            single, double = (measure(formula, stratum, t, count) for t in (np.float32, np.float64))
-            cells = [formula.name, stratum.name]
-            for pair, bound in (
-                ((single.value, double.value), stratum.value),
-                ((single.derivative, double.derivative), stratum.derivative),
-            ):
-                cells += ["" if x is None else f"{x:.3g}" for x in (*pair, bound)]
-            lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+            found = (measure(formula, stratum, t, count) for t in (np.float32, np.float64))
+            yield Row(formula, stratum, *found)
+
+
+def formulas(count: int) -> str:
+    """The table of formulas, as Markdown."""
+    lines = [HEADS, ("---",) * len(HEADS), *(row.cells for row in rows(count))]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def main() -> None:
@@ -131,7 +164,7 @@ def main() -> None:
         "lobes": lambda: lobe_forms.table(options.rounds),
     }
     parser.add_argument("--only", choices=tables, help="one of the tables")
-    parser.add_argument("--count", type=int, default=300, help="inputs a stratum")
+    parser.add_argument("--count", type=int, default=COUNT, help="inputs a stratum")
     parser.add_argument("--rounds", type=int, default=15, help="of timing")
     options = parser.parse_args()
     for name, table in tables.items():

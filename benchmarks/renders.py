@@ -1,5 +1,6 @@
 """Rendering in float32 against float64: a ball in perspective, under lights with attenuation."""
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -16,6 +17,7 @@ __all__ = [
     "EXPONENTS",
     "GRADIENT",
     "IMAGE",
+    "figures",
     "gbuffer_error",
     "gradient_error",
     "image_error",
@@ -93,17 +95,19 @@ def _relative(single: np.ndarray, double: np.ndarray) -> float:
     return float(np.abs(single - double).max() / np.abs(double).max())
 
 
-def table() -> str:
-    """The figures, as Markdown."""
-    most = 0.5
-    figures = [
-        Figure("points and normals", gbuffer_error(512), "units in the last place of 1", most=most)
-    ]
+def figures() -> Iterator[Figure]:
+    """Errors, with bounds for exponents up to 200."""
+    unit = "units in the last place of 1"
+    yield Figure("points and normals", gbuffer_error(512), unit, most=0.5)
     for lights, bound in IMAGE.items():
         for n in EXPONENTS:
-            name = f"n = {n:g}, {lights} lights"
-            most = bound if n <= 200 else None
-            figures.append(Figure(f"image, {name}", image_error(lights, n), most=most))
-            most = GRADIENT if n <= 200 else None
-            figures.append(Figure(f"gradient, {name}", gradient_error(lights, n), most=most))
-    return as_table(figures)
+            name, bounded = f"n = {n:g}, {lights} lights", n <= 200
+            yield Figure(f"image, {name}", image_error(lights, n), most=bound if bounded else None)
+            yield Figure(
+                f"gradient, {name}", gradient_error(lights, n), most=GRADIENT if bounded else None
+            )
+
+
+def table() -> str:
+    """The figures, as Markdown."""
+    return as_table(figures())

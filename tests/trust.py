@@ -70,29 +70,16 @@ def parsers(options: Options) -> Lines:
 
 def errors(options: Options) -> Lines:
     """Of every formula, and of renders."""
-    from benchmarks.errors import measure
-    from benchmarks.formulas import FORMULAS
-    from benchmarks.renders import EXPONENTS, GRADIENT, IMAGE, gradient_error, image_error
+    from benchmarks.errors import COUNT, HEADS, rows
+    from benchmarks.renders import figures
 
-    yield "units in the last place: value (at most), derivative (at most)", []
-    for formula in FORMULAS:
-        for dtype in (np.float32, np.float64):
-            for stratum in formula.strata:
-                found = measure(formula, stratum, dtype, 300)
-                row = f"{formula.name}, {stratum.name}, {dtype.__name__}: {found.value:.3g}"
-                row += f" ({stratum.value:g})"
-                bad = found.value > stratum.value
-                if found.derivative is not None and stratum.derivative is not None:
-                    row += f", {found.derivative:.3g} ({stratum.derivative:g})"
-                    bad |= found.derivative > stratum.derivative
-                yield row, [row] if bad else []
-    yield "renders in float32, of the image's maximum; gradients, of the largest component", []
-    for lights, bound in IMAGE.items():
-        for exponent in EXPONENTS:
-            image, slope = image_error(lights, exponent), gradient_error(lights, exponent)
-            row = f"{lights} lights, n = {exponent:g}: {image:.2g}, {slope:.2g}"
-            held = exponent > 200 or (image <= bound and slope <= GRADIENT)
-            yield row, [] if held else [row]
+    yield ", ".join(HEADS), []
+    for row in rows(COUNT):
+        said = ", ".join(row.cells)
+        yield said, [] if row.holds else [said]
+    for figure in figures():
+        said = f"{figure.name}: {figure.shown}, {figure.asked or 'no bound'}"
+        yield said, [said] if figure.holds is False else []
 
 
 def scenes(options: Options) -> Lines:
