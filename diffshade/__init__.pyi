@@ -19,7 +19,14 @@ from .light.attenuation import Windowed as Windowed
 from .light.parallel import ParallelLight as ParallelLight
 from .light.point import PointLight as PointLight
 from .reflectance.blinn_phong import BlinnPhong as BlinnPhong
+from .reflectance.body import FresnelBody as FresnelBody
+from .reflectance.fresnel import Conductor as Conductor
+from .reflectance.fresnel import Dielectric as Dielectric
+from .reflectance.fresnel import Schlick as Schlick
 from .reflectance.material import Material as Material
+from .reflectance.microfacet import GGX as GGX
+from .reflectance.microfacet import Beckmann as Beckmann
+from .reflectance.microfacet import TorranceSparrow as TorranceSparrow
 from .reflectance.phong import Phong as Phong
 from .scene import Scene as Scene
 from .shading.basis import Basis as Basis

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from diffshade.errors import BadInput
 
-__all__ = ["Channels", "channels", "per_channel", "plus", "times"]
+__all__ = ["Channels", "channels", "pairs", "per_channel", "plus", "times"]
 
 Plane = Float[Array, "..."]
 Channels = tuple[Plane, ...]
@@ -32,13 +32,17 @@ def per_channel(values: tuple[T, ...], count: int) -> tuple[T, ...]:
     return values * count if len(values) == 1 else values
 
 
+def pairs(a: Channels, b: Channels) -> tuple[tuple[Plane, Plane], ...]:
+    """Both channel by channel."""
+    count = max(len(a), len(b))
+    return tuple(zip(per_channel(a, count), per_channel(b, count), strict=True))
+
+
 def plus(a: Channels, b: Channels) -> Channels:
     """The sum channel by channel."""
-    count = max(len(a), len(b))
-    return tuple(p + q for p, q in zip(per_channel(a, count), per_channel(b, count), strict=True))
+    return tuple(p + q for p, q in pairs(a, b))
 
 
 def times(a: Channels, b: Channels) -> Channels:
     """The product channel by channel."""
-    count = max(len(a), len(b))
-    return tuple(p * q for p, q in zip(per_channel(a, count), per_channel(b, count), strict=True))
+    return tuple(p * q for p, q in pairs(a, b))

@@ -70,7 +70,7 @@ def certify(
     if reason:
         return Certificate(False, tolerance, None, None, 0, reason)
     if not minimum.problem.model.searched:
-        reason = "No shininess is searched, and all else is linear."
+        reason = "No shape is searched, and all else is linear."
         return Certificate(True, tolerance, None, None, 0, reason)
     return _Proof(observed, minimum, box, tolerance, most_evaluations).certificate()
 
@@ -84,12 +84,13 @@ def _beyond(observed: Observed, minimum: Minimum) -> str | None:
     if minimum.gains is not None:
         return "The gains of the lights are searched as well."
     if len(model.searched) > 1:
-        return f"The shininess of {len(model.searched)} lobes is searched."
+        return f"{len(model.searched)} shapes are searched: {', '.join(n for n, *_ in model.searched)}."
     if not np.isfinite(minimum.u).all():
         return "No minimum was found."
-    for lobe in (model.material.specular[j] for j in model.searched):
-        if not lobe.convex:
-            return f"A {lobe.kind} lobe does not fall convexly with its coefficient."
+    for name in (name for names in model.searched for name in names):
+        of_lobe = name.startswith("specular.")
+        if not of_lobe or not model.material.specular[int(name.split(".")[1])].convex:
+            return f"What the images show does not fall convexly with {name}."
     if (problem.lower < 0).any():
         return "A linear coefficient may be negative: bound it by 0 from below."
     scenes = [photograph.scene for photograph in observed.photographs]

@@ -44,8 +44,9 @@ def minima(
     order = jnp.lexsort((ranked, ~first.ravel() & lowest.ravel(), ~lowest.ravel()))
     best = order[:count]
     choice, law = best // len(grid.laws), best % len(grid.laws)
-    lobes = [shapes[grid.chosen[choice, j]][:, None] for j, shapes in enumerate(grid.shapes)]
-    return jnp.concatenate([*lobes, grid.laws[law]], axis=1), jnp.isfinite(ranked[best])
+    return jnp.concatenate([grid.shapes[choice], grid.laws[law]], axis=1), jnp.isfinite(
+        ranked[best]
+    )
 
 
 def _costs(problem: Problem, images: Images, grid: Grid) -> Float[Array, "N M"]:
@@ -62,13 +63,12 @@ def _costs(problem: Problem, images: Images, grid: Grid) -> Float[Array, "N M"]:
 
 def _rows(model: Model, grid: Grid) -> Int[Array, "N r"]:
     """Where in the Gram matrix of `_every_shape` each node has its columns, and what was observed."""
-    lobes = _searched(model)
-    others = [i for i in range(model.column_count) if i not in lobes]
+    others = [i for i in range(model.column_count) if i not in model.reads]
     first = len(others)
     rows: dict[int, Any] = {i: jnp.full(len(grid.chosen), r) for r, i in enumerate(others)}
-    for j, (column, shapes) in enumerate(zip(lobes, grid.shapes, strict=True)):
+    for j, (column, distinct) in enumerate(zip(model.reads, grid.distinct, strict=True)):
         rows[column] = first + grid.chosen[:, j]
-        first += len(shapes)
+        first += len(distinct)
     last = jnp.full(len(grid.chosen), first)
     return jnp.stack([*(rows[i] for i in range(model.column_count)), last], axis=1)
 
@@ -76,23 +76,15 @@ def _rows(model: Model, grid: Grid) -> Int[Array, "N r"]:
 def _every_shape(
     model: Model, grid: Grid, law: Float[Array, "s"], image: Scenery
 ) -> Float[Array, "C R R"]:
-    """The Gram matrix of the columns without a shape, of each lobe with all of its, and of the image."""
-    lobes = _searched(model)
-    some = jnp.concatenate([*(shapes[:1] for shapes in grid.shapes), law])
-    each = model.columns(some, image)
-    rows = [column for i, column in enumerate(each) if i not in lobes]
-    for j, (column, shapes) in enumerate(zip(lobes, grid.shapes, strict=True)):
+    """The Gram matrix of the columns without a shape, of each other with all of its, and of the image."""
+    each = model.columns(jnp.concatenate([grid.shapes[0], law]), image)
+    rows = [column for i, column in enumerate(each) if i not in model.reads]
+    for column, distinct in zip(model.reads, grid.distinct, strict=True):
 
-        def lobe(shape: Float[Array, ""], j: int = j, column: int = column) -> Channels:
-            return model.columns(some.at[j].set(shape), image)[column]
+        def shaped(shape: Float[Array, "l"], column: int = column) -> Channels:
+            return model.columns(jnp.concatenate([shape, law]), image)[column]
 
-        rows += zip(*jax.vmap(lobe)(shapes), strict=True)
+        rows += zip(*jax.vmap(shaped)(grid.shapes[distinct]), strict=True)
     rows.append(tuple(image.photo.observed))
     counted = [per_channel(tuple(row), model.channel_count) for row in rows]
     return gram_of(counted, model.channel_count, image.photo.weight[None])
-
-
-def _searched(model: Model) -> list[int]:
-    """The columns of the lobes whose shape is searched."""
-    plain = model.column_count - len(model.material.specular)
-    return [plain + j for j in model.searched]

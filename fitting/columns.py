@@ -82,7 +82,7 @@ class Scenery(eqx.Module):
 def scenery(photo: Photo, surface: GBuffer, material: Material) -> Scenery:
     """The geometry of a photo, for the lobes that a material has."""
     seen = tuple(
-        jax.vmap(lambda light: angles(surface, light, material.specular))(kind)
+        jax.vmap(lambda light: angles(surface, light, material.specular, material.body))(kind)
         for kind in photo.lights
     )
     return Scenery(photo, seen, surface.spread)

@@ -10,6 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
+from fitting.shapes import is_shape
+
 __all__ = ["SEEN_NOTHING", "Move", "Seen", "highlight_depths", "say"]
 
 FAR = 1.25
@@ -74,8 +76,13 @@ class Move:
     def lobes(self) -> tuple[str, ...]:
         """The lobes of which something moves: "specular.0"."""
         return tuple(
-            sorted({n.rpartition(".")[0] for n in self.names if n.startswith("specular.")})
+            sorted({".".join(n.split(".")[:2]) for n in self.names if n.startswith("specular.")})
         )
+
+    @cached_property
+    def shapes(self) -> frozenset[str]:
+        """What shapes a lobe or a body: exponents, roughnesses, refractive indices."""
+        return frozenset(name for name in self.names if is_shape(name))
 
     @cached_property
     def others(self) -> frozenset[str]:
@@ -99,18 +106,18 @@ def say(move: Move) -> str:
 
 
 def highlight_depths(
-    information: np.ndarray, k: np.ndarray, plain: int, searched: tuple[int, ...]
+    information: np.ndarray, k: np.ndarray, plain: int, exponents: Mapping[int, int]
 ) -> tuple[float, ...]:
     """`Seen.depths` from Gram matrices [C, s, s] of [A, J, r] at k [C, p].
 
-    The columns are `plain` of k_a and k_d, and those of the lobes; J begins with log n of the lobes
-    `searched`. That derivative is k_s n log(r.v) times the lobe's own column, so that one product
+    The columns are `plain` of k_a and k_d, and those of the lobes; of a lobe's log n `exponents` says
+    the row of J. That derivative is k_s n log(r.v) times the lobe's own column, so that one product
     over another is the mean of n log(r.v), weighted by the lobe squared: -1/2 over a whole peak, as
     exp(-s) squared has the mean 1/2 over its s = n theta^2 / 2.
     """
     lobe_count = k.shape[1] - plain
     depths = [float("nan")] * lobe_count
-    for row, lobe in enumerate(searched):
+    for lobe, row in exponents.items():
         column, derivative = plain + lobe, k.shape[1] + row
         light = float((k[:, column] ** 2 * information[:, column, column]).sum())
         if light > 0:
@@ -205,13 +212,16 @@ def _attenuation(move: Move) -> str | None:
 
 def _coinciding_lobes(move: Move) -> str | None:
     """Two lobes of one shape."""
-    if len(move.lobes) < 2 or move.others - {f"{lobe}.shininess" for lobe in move.lobes}:
+    if len(move.lobes) < 2 or move.others - move.shapes or any(map(_is_body, move.names)):
         return None
-    widths = [f"{lobe}.shininess" for lobe in move.lobes]
-    shown = [f"{float(np.mean(move.values[name])):.3g}" for name in widths if name in move.values]
+    widths = {lobe: _width(move, lobe) for lobe in move.lobes}
+    if len(set(widths.values())) > 1:
+        return None  # of different kinds, which trade otherwise
+    name = widths[move.lobes[0]]
+    shown = [f"{float(np.mean(move.values[f'{lobe}.{name}'])):.3g}" for lobe in widths]
     return (
-        f"{_list(move.lobes)} have the same shape (shininess {_list(shown)}), and only the sum of"
-        " their ks is told: leave one of them out, or hold its shininess at another value"
+        f"{_list(move.lobes)} have the same shape ({name} {_list(shown)}), and only the sum of"
+        f" their ks is told: leave one of them out, or hold its {name} at another value"
     )
 
 
@@ -221,11 +231,12 @@ def _zero_lobe(move: Move) -> str | None:
         return None
     lobe = move.lobes[0]
     ks = move.values.get(f"{lobe}.ks")
-    if ks is None or np.any(ks != 0) or f"{lobe}.shininess" not in move.names:
+    name = _width(move, lobe)
+    if ks is None or np.any(ks != 0) or f"{lobe}.{name}" not in move.names:
         return None
     return (
         f"{lobe}.ks is 0, and a highlight that is not seen has no width (one so narrow that it falls"
-        " between the pixels would look the same): leave the lobe out, or hold its shininess"
+        f" between the pixels would look the same): leave the lobe out, or hold its {name}"
     )
 
 
@@ -270,12 +281,12 @@ def _no_highlight(move: Move) -> str | None:
         return (
             f"no highlight is seen: only the flank of {lobe}, at {np.exp(-depth):.1g} of its peak,"
             " lies on used pixels: add an image with the light where it is mirrored to the viewer,"
-            " or hold the shininess"
+            f" or hold the {_width(move, lobe)}"
         )
     weak = max(move.errors.values())
     return (
         f"too little of the highlight of {lobe} is seen ({_error(weak)}): a small ks, or a peak"
-        " between pixels: add images or lights that show it, or hold the shininess"
+        f" between pixels: add images or lights that show it, or hold the {_width(move, lobe)}"
     )
 
 
@@ -316,13 +327,21 @@ RULES: tuple[Callable[[Move], str | None], ...] = (
 
 def _within_lobe(move: Move) -> bool:
     lobe = move.lobes[0]
-    return move.names <= {f"{lobe}.ks", f"{lobe}.shininess"}
+    return move.names <= {f"{lobe}.ks", f"{lobe}.{_width(move, lobe)}"}
 
 
 def _is_shading(move: Move) -> bool:
     """Whether only a material's own coefficients move."""
-    widths = {f"{lobe}.shininess" for lobe in move.lobes}
-    return not (move.gains or move.constants or move.others - widths - {"ka"})
+    return not (move.gains or move.constants or move.others - move.shapes - {"ka"})
+
+
+def _width(move: Move, lobe: str) -> str:
+    """What says how wide a lobe is: its exponent or its roughness."""
+    return "alpha" if f"{lobe}.alpha" in move.values else "shininess"
+
+
+def _is_body(name: str) -> bool:
+    return name.startswith("body.")
 
 
 def _is_share(name: str) -> bool:

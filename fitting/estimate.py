@@ -177,9 +177,8 @@ def _clamped(
     if not known and not may_show(minimum, observed):
         return plain
     nearest, farthest = minimum.nearest, minimum.farthest
-    assert isinstance(model.gauge, PolynomialGauge)
     lobes = plain.limit.grid if known else minimum.u[: len(model.searched)].tolist()
-    clamped = attempt(model, ceiling_grid(model.gauge, nearest, farthest, lobes))
+    clamped = attempt(model, ceiling_grid(model, nearest, farthest, lobes))
     within = clamped_within(clamped.minimum.problem.model, clamped.minimum.u)
     shown = known or nearest < within < farthest
     clear = 0.0 if known else CLEAR

@@ -22,7 +22,7 @@ from fitting.degeneracies import Seen, highlight_depths
 from fitting.distances import share_nearer
 from fitting.identify import Unidentified, unidentified
 from fitting.likelihood import Likelihood
-from fitting.model import sets_scale
+from fitting.model import Model, sets_scale
 from fitting.observed import Observed
 from fitting.profile import Profile
 from fitting.recovered import Recovery, clamped_within
@@ -278,7 +278,7 @@ def _seen(best: Attempt, observed: Observed) -> Seen:
     minimum = best.minimum
     model, at = minimum.problem.model, minimum.at
     plain = model.column_count - len(model.material.specular)
-    depths = highlight_depths(at.information, minimum.k, plain, model.searched)
+    depths = highlight_depths(at.information, minimum.k, plain, _exponents(model))
     if model.gauge is None:
         return Seen(depths=depths)
     within = clamped_within(model, minimum.u)
@@ -286,6 +286,15 @@ def _seen(best: Attempt, observed: Observed) -> Seen:
     if within > minimum.nearest:
         clamped = share_nearer(observed.pages, model, within)
     return Seen(minimum.nearest, minimum.farthest, clamped, depths)
+
+
+def _exponents(model: Model) -> dict[int, int]:
+    """Which unknown is the shininess of each lobe that has one, unheld."""
+    return {
+        int(names[0].split(".")[1]): k
+        for k, names in enumerate(model.searched)
+        if names[0].endswith(".shininess")
+    }
 
 
 def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:

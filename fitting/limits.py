@@ -12,7 +12,8 @@ from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
 from fitting.arrays import Array
 from fitting.gauge import Node, PolynomialGauge
-from fitting.model import Model, coefficient, full_names, linear_names, shininess_names
+from fitting.model import Model, coefficient, full_names, linear_names
+from fitting.shapes import SHAPES, shape_names, shape_of
 
 __all__ = ["Bounds", "Grid", "Limits", "ceiling_grid", "limits"]
 
@@ -21,21 +22,20 @@ Bounds = Mapping[str, tuple[Bound, Bound]]
 
 REFLECTED = (0.0, 1.0)
 """Of k_a, k_d and k_s by default: a share of the light."""
-SHININESS = (0.1, 1e5)
-
-SHININESS_NODES = np.log(np.geomspace(1.0, 3000.0, 15))
 
 
 class Grid(NamedTuple):
-    """Nodes over u: every choice of lobes' shapes with every law of attenuation.
+    """Nodes over u: every choice of shapes with every law of attenuation.
 
-    `shapes` are those that each searched lobe may have, `chosen` which of them go together, a row a
-    choice; `laws` the constants of an attenuation, a row each (one without columns where none is
-    fitted). `near_shapes` and `near_laws` say which rows are next to each other.
+    `shapes` are the choices, a row each; `distinct` the rows that show all there are of each column
+    that depends on some of them, `chosen` which of these a choice has; `laws` the constants of an
+    attenuation, a row each (one without columns where none is fitted). `near_shapes` and `near_laws`
+    say which rows are next to each other.
     """
 
-    shapes: tuple[Float[np.ndarray, "_"] | Float[Array, "_"], ...]
-    chosen: Int[np.ndarray, "N l"] | Int[Array, "N l"]
+    shapes: Float[np.ndarray, "N l"] | Float[Array, "N l"]
+    distinct: tuple[Int[np.ndarray, "_"] | Int[Array, "_"], ...]
+    chosen: Int[np.ndarray, "N c"] | Int[Array, "N c"]
     laws: Float[np.ndarray, "M s"] | Float[Array, "M s"]
     near_shapes: Bool[np.ndarray, "N N"] | Bool[Array, "N N"]
     near_laws: Bool[np.ndarray, "M M"] | Bool[Array, "M M"]
@@ -59,10 +59,8 @@ class Limits:
     def searched(self, dtype: np.dtype) -> tuple[Grid, tuple[np.ndarray, np.ndarray]]:
         """The grid within the box, and the box, in that precision."""
         lower, upper = (np.asarray(edge, dtype) for edge in self.box)
-        grid, count = self.grid, len(self.grid.shapes)
-        shapes = tuple(
-            np.clip(nodes, lower[j], upper[j]).astype(dtype) for j, nodes in enumerate(grid.shapes)
-        )
+        grid, count = self.grid, self.grid.shapes.shape[1]
+        shapes = np.clip(grid.shapes, lower[:count], upper[:count]).astype(dtype)
         laws = np.clip(grid.laws, lower[count:], upper[count:]).astype(dtype)
         return grid._replace(shapes=shapes, laws=laws), (lower, upper)
 
@@ -82,21 +80,33 @@ def limits(
     upper = np.where(open_above, np.inf, natural)
 
     edges = []
-    for j in model.searched:
-        low, high = given.get(f"specular.{j}.shininess", SHININESS)
-        low, high = SHININESS[0] if low is None else low, SHININESS[1] if high is None else high
-        if not 0 < low <= high:
+    for names in model.searched:
+        pairs = [_edges(name, given.get(name)) for name in names]
+        low, high = max(low for low, _ in pairs), min(high for _, high in pairs)
+        if low > high:
             raise BadInput(
-                f"bounds of specular.{j}.shininess are {low:g} to {high:g}: give 0 < lower <= upper"
+                f"bounds of {' and '.join(names)}, which are one number, leave nothing between"
+                f" {low:g} and {high:g}: give them bounds that overlap"
             )
         edges.append((np.log(low), np.log(high)))
     if gauge is not None:
         edges += [(0.0, np.inf) if value is None else (value, value) for value in gauge.held]
     box = np.array(edges, float).reshape(-1, 2).T
-    grid = _grid(len(model.searched), None if gauge is None else gauge.nodes)
+    reads = tuple(model.reads.values())
+    grid = _grid(model.searched, reads, None if gauge is None else gauge.nodes)
     if start_given and model.searched:
-        grid = _with_start(grid, [float(np.log(_shininess(start, j))) for j in model.searched])
+        grid = _with_start(grid, reads, [_log_start(start, names[0]) for names in model.searched])
     return Limits(lower, upper, natural, is_held, (box[0], box[1]), grid)
+
+
+def _edges(name: str, given: tuple[Bound, Bound] | None) -> tuple[float, float]:
+    """Lower and upper bound of one shape."""
+    least, most = shape_of(name).bounds
+    low, high = given or (None, None)
+    low, high = least if low is None else float(low), most if high is None else float(high)
+    if not 0 < low <= high:
+        raise BadInput(f"bounds of {name} are {low:g} to {high:g}: give 0 < lower <= upper")
+    return low, high
 
 
 def _column(
@@ -120,7 +130,7 @@ def _column(
 
 
 def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bound]]:
-    known = (*linear_names(start), *shininess_names(start))
+    known = (*linear_names(start), *shape_names(start))
     full: dict[str, tuple[Bound, Bound]] = {}
     for name, pair in bounds.items():
         full |= dict.fromkeys(full_names(name, known, "bounds"), pair)
@@ -128,49 +138,87 @@ def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bou
 
 
 @cache
-def _grid(lobe_count: int, laws: tuple[Node, ...] | None) -> Grid:
-    """Coarse nodes over u; of two lobes the first is the sharper."""
+def _grid(
+    searched: tuple[tuple[str, ...], ...],
+    reads: tuple[tuple[int, ...], ...],
+    laws: tuple[Node, ...] | None,
+) -> Grid:
+    """Coarse nodes over u; of lobes of one kind the first is the sharper."""
+    fields = [names[0].rpartition(".")[2] for names in searched]
     chosen: list[tuple[int, ...]] = [()]
-    for _ in range(lobe_count):
-        axis = range(len(SHININESS_NODES))
-        chosen = [(*node, n) for node in chosen for n in axis if not node or n < node[-1]]
-    return _grid_of((SHININESS_NODES,) * lobe_count, chosen, laws or (((), ()),))
+    for k, field in enumerate(fields):
+        # The latest unknown of the same field, if any: a larger exponent and a smaller alpha are sharper
+        last = max((j for j in range(k) if fields[j] == field), default=None)
+        axis = range(len(SHAPES[field].nodes))
+        chosen = [
+            (*node, n)
+            for node in chosen
+            for n in axis
+            if last is None or (n < node[last] if field == "shininess" else n > node[last])
+        ]
+    nodes = [np.log(SHAPES[field].nodes) for field in fields]
+    rows = [[values[n] for values, n in zip(nodes, row, strict=True)] for row in chosen]
+    return _grid_of(np.array(rows).reshape(len(chosen), -1), chosen, reads, laws or (((), ()),))
 
 
 def ceiling_grid(
-    gauge: PolynomialGauge, nearest: float, farthest: float, lobes: Grid | Sequence[float]
+    model: Model, nearest: float, farthest: float, lobes: Grid | Sequence[float]
 ) -> Grid:
     """Over attenuations whose clamp acts at some of the distances: with the shapes of another grid, or
     the lobes as they are.
     """
-    laws = gauge.ceiling_nodes(nearest, farthest)
+    assert isinstance(model.gauge, PolynomialGauge)
+    laws = model.gauge.ceiling_nodes(nearest, farthest)
     if isinstance(lobes, Grid):
-        only = _grid_of(lobes.shapes, [tuple(row) for row in lobes.chosen.tolist()], laws)
-        return only._replace(near_shapes=lobes.near_shapes)
-    return _grid_of(tuple(np.array([lobe]) for lobe in lobes), [(0,) * len(lobes)], laws)
+        values, near = _laws(laws)
+        return lobes._replace(laws=values, near_laws=near)
+    shapes = np.array([lobes], float).reshape(1, -1)
+    return _grid_of(shapes, [(0,) * len(lobes)], tuple(model.reads.values()), laws)
 
 
 def _grid_of(
-    shapes: tuple[np.ndarray, ...], chosen: Sequence[tuple[int, ...]], laws: Sequence[Node]
+    shapes: Float[np.ndarray, "N l"],
+    chosen: Sequence[tuple[int, ...]],
+    reads: tuple[tuple[int, ...], ...],
+    laws: Sequence[Node],
 ) -> Grid:
     """Rows are next to each other whose numbers on the axes differ by one at the most."""
-    numbers = np.array(chosen, np.int32).reshape(len(chosen), -1)
+    values, near_laws = _laws(laws)
+    near_shapes = _near(np.array(chosen, int).reshape(len(chosen), -1))
+    return Grid(shapes, *_distinct(shapes, reads), values, near_shapes, near_laws)
+
+
+def _laws(laws: Sequence[Node]) -> tuple[Float[np.ndarray, "M s"], Bool[np.ndarray, "M M"]]:
     steps = np.array([number for number, _ in laws], int).reshape(len(laws), -1)
-    near_shapes, near_laws = (
-        (np.abs(at[:, None] - at[None]) <= 1).all(-1) for at in (numbers, steps)
-    )
-    values = np.array([law for _, law in laws], float).reshape(len(laws), -1)
-    return Grid(shapes, numbers, values, near_shapes, near_laws)
+    return np.array([law for _, law in laws], float).reshape(len(laws), -1), _near(steps)
 
 
-def _with_start(grid: Grid, start: list[float]) -> Grid:
-    """A grid with the lobes of a start; where that is the lowest of all it is a basin of its own."""
-    shapes = tuple(np.append(nodes, value) for nodes, value in zip(grid.shapes, start, strict=True))
-    chosen = np.append(grid.chosen, [[len(nodes) - 1 for nodes in shapes]], axis=0)
+def _near(numbers: Int[np.ndarray, "N l"]) -> Bool[np.ndarray, "N N"]:
+    return (np.abs(numbers[:, None] - numbers[None]) <= 1).all(-1)
+
+
+def _distinct(
+    shapes: Float[np.ndarray, "N l"], reads: tuple[tuple[int, ...], ...]
+) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Of each column the rows that differ in what it reads, and which of these each row is."""
+    found = [
+        np.unique(shapes[:, own], axis=0, return_index=True, return_inverse=True)[1:]
+        for own in reads
+    ]
+    chosen = [which.ravel() for _, which in found]
+    each = np.array(chosen, np.int32).reshape(len(reads), len(shapes)).T
+    return tuple(first.astype(np.int32) for first, _ in found), each
+
+
+def _with_start(grid: Grid, reads: tuple[tuple[int, ...], ...], start: list[float]) -> Grid:
+    """A grid with the shapes of a start; where that is the lowest of all it is a basin of its own."""
+    shapes = np.append(grid.shapes, [start], axis=0)
     near = np.pad(grid.near_shapes, (0, 1))
     near[-1] = True
-    return grid._replace(shapes=shapes, chosen=chosen.astype(np.int32), near_shapes=near)
+    distinct, chosen = _distinct(shapes, reads)
+    return grid._replace(shapes=shapes, distinct=distinct, chosen=chosen, near_shapes=near)
 
 
-def _shininess(material: Material, lobe: int) -> float:
-    return float(coefficient(material, f"specular.{lobe}.shininess"))
+def _log_start(material: Material, name: str) -> float:
+    with np.errstate(divide="ignore"):  # a start of 0 is clipped to the lower bound
+        return float(np.log(coefficient(material, name)))

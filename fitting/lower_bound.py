@@ -98,7 +98,8 @@ def bound(
 
 def _column(model: Model) -> int:
     """The column of the lobe that is searched."""
-    return model.column_count - len(model.material.specular) + model.searched[0]
+    (column,) = model.reads
+    return column
 
 
 @jax.jit

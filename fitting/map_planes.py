@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from diffshade.reflectance.material import Material
-from fitting.model import linear_names, shininess_names
+from fitting.model import linear_names
+from fitting.shapes import is_shape, shape_names
 
 __all__ = ["MapPlanes", "map_names", "width"]
 
@@ -30,9 +31,9 @@ class MapPlanes(NamedTuple):
 
 def map_names(material: Material) -> tuple[str, ...]:
     """The coefficients of a material that have maps."""
-    return (*linear_names(material), *shininess_names(material))
+    return (*linear_names(material), *shape_names(material))
 
 
 def width(name: str, channel_count: int) -> int:
-    """How many planes a coefficient has: the channels share a shininess."""
-    return 1 if name.endswith(".shininess") else channel_count
+    """How many planes a coefficient has: the channels share a shape."""
+    return 1 if is_shape(name) else channel_count

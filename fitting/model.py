@@ -7,7 +7,7 @@ a method: holding and scales live here, never in the material.
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import equinox as eqx
@@ -25,6 +25,7 @@ from diffshade.scene import Scene
 from fitting.arrays import Array
 from fitting.columns import Scenery, columns, predict
 from fitting.gauge import AbstractGauge
+from fitting.shapes import boundaries, shape_names
 
 __all__ = [
     "Model",
@@ -35,21 +36,21 @@ __all__ = [
     "linear_names",
     "model_of",
     "sets_scale",
-    "shininess_names",
 ]
 
 
 class Model(eqx.Module):
     """A material's terms and lobes, of which some coefficients are unknown.
 
-    `material` has the values of what is held. u holds, in this order, the logarithm of the shininess
-    of the lobes `searched`; then, where an attenuation is fitted, the constants v of its `gauge`. Of
+    `material` has the values of what is held. u holds, in this order, the logarithms of the shapes
+    `searched`, each of which has one name or several that share a value; then, where an attenuation
+    is fitted, the constants v of its `gauge`. Of
     these the unknown `dependent` makes up the sum of 1; none does where the scale is known. What
     is left of u, without what depends on others or is held, are the m coordinates y of a search.
     """
 
     material: Material
-    searched: tuple[int, ...] = eqx.field(static=True)
+    searched: tuple[tuple[str, ...], ...] = eqx.field(static=True)
     channel_count: int = eqx.field(static=True)
     gauge: AbstractGauge | None = None
     dependent: Int[Array, ""] | None = None
@@ -68,6 +69,19 @@ class Model(eqx.Module):
     def lit(self) -> tuple[bool, ...]:
         """Which columns are of the lights, and not of the ambient light."""
         return tuple(name != "ka" for name in linear_names(self.material))
+
+    @property
+    def reads(self) -> dict[int, tuple[int, ...]]:
+        """Which unknowns each column depends on, beside an attenuation: those columns that do."""
+        read: dict[int, tuple[int, ...]] = {}
+        for column, name in enumerate(linear_names(self.material)):
+            part = "body." if name == "kd" else name.removesuffix("ks")
+            own = tuple(
+                k for k, names in enumerate(self.searched) if any(n.startswith(part) for n in names)
+            )
+            if own:
+                read[column] = own
+        return read
 
     @property
     def column_count(self) -> int:
@@ -124,10 +138,11 @@ class Model(eqx.Module):
         return own - xp.where(law, rows[..., self.dependent, None], 0)
 
     def unpack(self, u: Float[Array, "q"]) -> tuple[Material, AbstractAttenuation | None]:
-        """The material with the shininess of u, its linear coefficients as held, and the attenuation."""
+        """The material with the shapes of u, its linear coefficients as held, and the attenuation."""
         material = self.material
-        for k, j in enumerate(self.searched):
-            material = eqx.tree_at(lambda m: m.specular[j].shininess, material, jnp.exp(u[k]))  # noqa: B023
+        for k, names in enumerate(self.searched):
+            shape = jnp.exp(u[k])
+            material = eqx.tree_at(partial(_all_of, names), material, [shape] * len(names))
         return material, None if self.gauge is None else self.gauge.law(self.of_law(u))
 
     def of_law(self, u: Float[Array, "q"]) -> Float[Array, "s"]:
@@ -175,22 +190,26 @@ class Model(eqx.Module):
     def named(self, u: Float[np.ndarray, "q"]) -> dict[str, float]:
         """What is searched, by name."""
         count = len(self.searched)
-        lobes = {
-            f"specular.{j}.shininess": float(np.exp(u[k])) for k, j in enumerate(self.searched)
+        shapes = {
+            name: float(np.exp(u[k])) for k, names in enumerate(self.searched) for name in names
         }
-        return lobes | ({} if self.gauge is None else self.gauge.named(u[count:]))
+        return shapes | ({} if self.gauge is None else self.gauge.named(u[count:]))
 
 
 def model_of(start: Material, held: frozenset[str], channel_count: int) -> Model:
-    """The model of a material: all that is not held is unknown; one shininess for all channels."""
+    """The model of a material: all that is not held is unknown; one shape for all channels."""
     if any(leaf.ndim > 1 for leaf in jax.tree.leaves(start)):
         raise BadInput("the material holds maps: give fit one number, or one a channel")
-    names = shininess_names(start)
-    searched = tuple(j for j, name in enumerate(names) if name not in held)
-    if any(coefficient(start, names[j]).ndim for j in searched):
-        raise BadInput(
-            "the shininess has one number a channel: fit searches one for all, or hold it"
-        )
+    free = [name for name in shape_names(start) if name not in held]
+    for name in free:
+        if coefficient(start, name).ndim:
+            raise BadInput(
+                f"the {name.rpartition('.')[2]} has one number a channel: fit searches one for all,"
+                " or hold it"
+            )
+    one = tuple(name for name in boundaries(start) if name in free)
+    alone = [(name,) for name in free if name not in one]
+    searched = (*alone, one) if one else tuple(alone)
     return Model(material=start, searched=searched, channel_count=channel_count)
 
 
@@ -207,11 +226,6 @@ def sets_scale(material: Material, held: frozenset[str]) -> bool:
     """Whether a coefficient that is held says how much of the light a surface reflects."""
     lit = held & set(linear_names(material)) - {"ka"}
     return any(np.any(np.asarray(coefficient(material, name)) != 0) for name in lit)
-
-
-def shininess_names(material: Material) -> tuple[str, ...]:
-    """The shininess of every lobe, by name."""
-    return tuple(f"specular.{j}.shininess" for j in range(len(material.specular)))
 
 
 def default_material(scenes: Iterable[Scene]) -> Material:
@@ -236,14 +250,13 @@ def held_names(
     """
     if isinstance(hold, str):
         raise BadInput(f"hold is {hold!r}: give a sequence of names, ({hold!r},)")
-    known = (*linear_names(material), *shininess_names(material), *constants)
+    known = (*linear_names(material), *shape_names(material), *constants)
     return frozenset(full for name in hold for full in full_names(name, known, "hold"))
 
 
 def full_names(name: str, known: tuple[str, ...], where: str) -> tuple[str, ...]:
     """The known names that one stands for: itself, or "specular.ks" for that of every lobe."""
-    parts = name.split(".")
-    of_lobes = tuple(n for n in known if len(parts) == 2 and n.split(".")[::2] == parts)
+    of_lobes = tuple(n for n in known if _of_every_lobe(n) == name)
     found = (name,) if name in known else of_lobes
     if not found:
         raise BadInput(
@@ -254,7 +267,16 @@ def full_names(name: str, known: tuple[str, ...], where: str) -> tuple[str, ...]
 
 def coefficient(material: Material, name: str) -> Any:
     """A coefficient by its full name: an array, or what stands for one inside `tree_at`."""
-    if name.startswith("specular."):
-        _, lobe, field = name.split(".")
-        return getattr(material.specular[int(lobe)], field)
-    return getattr(material, name)
+    part: Any = material
+    for step in name.split("."):
+        part = part[int(step)] if step.isdigit() else getattr(part, step)
+    return part
+
+
+def _all_of(names: tuple[str, ...], material: Material) -> list[Any]:
+    return [coefficient(material, name) for name in names]
+
+
+def _of_every_lobe(name: str) -> str:
+    """The name without the number of its lobe."""
+    return ".".join(step for step in name.split(".") if not step.isdigit())

@@ -11,12 +11,13 @@ from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
 from fitting.identify import LEAST_SHARE, NOISE, TOLERANCE
 from fitting.inputs import Photograph
-from fitting.limits import REFLECTED, SHININESS, Bounds
+from fitting.limits import REFLECTED, Bounds
 from fitting.map_planes import MapPlanes, map_names
 from fitting.model import full_names
 from fitting.observation import in_precision
 from fitting.pixel import CHUNK, PixelFit, Settings
 from fitting.pixel_block import Block, fit_block, lamps
+from fitting.shapes import SHAPES, is_shape
 
 __all__ = ["PixelWork", "settings"]
 
@@ -126,12 +127,16 @@ def settings(material: Material, bounds: Bounds, steps: int | None) -> Settings:
             f"the material has {len(material.specular)} lobes: give fit_maps one with a shininess,"
             " or regions, which may have any number"
         )
+    if material.body is not None:
+        raise BadInput(
+            "the material has a body under a boundary: give fit_maps one without, or regions"
+        )
     names = map_names(material)
     given = {full: pair for n, pair in bounds.items() for full in full_names(n, names, "bounds")}
     edges = {}
     for name in names:
-        shininess = name.endswith(".shininess")
-        default = SHININESS if shininess else REFLECTED
+        shininess = is_shape(name)
+        default = SHAPES["shininess"].bounds if shininess else REFLECTED
         low, high = given.get(name, default)
         open_low, open_high = default if shininess else (-inf, inf)
         low = float(open_low if low is None else low)

@@ -1,4 +1,4 @@
-"""The residual as a function of one lobe's shininess, all linear coefficients fitted anew at each."""
+"""The residual as a function of one shape, all linear coefficients fitted anew at each value."""
 
 from dataclasses import dataclass
 
@@ -19,22 +19,23 @@ from fitting.weights import Judge
 __all__ = ["Profile", "profile"]
 
 WHOLE = 48
-"""Nodes over the whole range, equally far apart in log n."""
+"""Nodes over the whole range, equally far apart on the logarithm."""
 AROUND = np.geomspace(1e-3, 0.5, 16)
-"""Steps of log n to either side of the minimum: the valley may be narrow, and is drawn whole."""
+"""Steps of the logarithm to either side of the minimum: the valley may be narrow, and is drawn whole."""
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The relative residual of the best linear coefficients at each shininess, in rising order.
+    """The relative residual of the best linear coefficients at each value, in rising order.
 
-    `lobe` numbers the lobe among the material's. What else was searched, the shininess of other
-    lobes and an attenuation, stays as it was found: where there is any, the valley is an upper bound
-    of the one in which everything is fitted anew, and touches it at the minimum.
+    `names` are those of the coefficient: "specular.0.shininess", or several that are one number. What
+    else was searched, other shapes and an attenuation, stays as it was found: where there is any, the
+    valley is an upper bound of the one in which everything is fitted anew, and touches it at the
+    minimum.
     """
 
-    lobe: int
-    shininess: Float[np.ndarray, "N"]
+    names: tuple[str, ...]
+    values: Float[np.ndarray, "N"]
     relative_residual: Float[np.ndarray, "N"]
 
 
@@ -45,7 +46,7 @@ def profile(
     *,
     which: int = 0,
 ) -> Profile:
-    """The profile of the lobe that is the `which`-th searched, within its bounds.
+    """The profile of the shape that is the `which`-th searched, within its bounds.
 
     Nodes lie over the whole range, and ever closer together towards the minimum, which is one of
     them. The residual is weighted as in the fit, and relative to the norm of what was observed.

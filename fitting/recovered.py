@@ -11,7 +11,8 @@ from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
 from fitting.arrays import Array
 from fitting.gauge import PolynomialGauge
-from fitting.model import Model, coefficient, linear_names, shininess_names
+from fitting.model import Model, coefficient, linear_names
+from fitting.shapes import shape_names
 
 __all__ = ["Recovery", "clamped_within"]
 
@@ -41,9 +42,10 @@ class Recovery:
             name: k[..., i] * (scale[..., None] if self._attenuated[i] else 1)
             for i, name in enumerate(names)
         }
-        for j, name in enumerate(shininess_names(model.material)):
-            if j in model.searched:
-                found[name] = np.exp(u[..., model.searched.index(j)])
+        unknown = {name: k for k, names in enumerate(model.searched) for name in names}
+        for name in shape_names(model.material):
+            if name in unknown:
+                found[name] = np.exp(u[..., unknown[name]])
             else:
                 value = np.asarray(coefficient(model.material, name), float)
                 found[name] = np.broadcast_to(value, (*u.shape[:-1], *value.shape))
@@ -67,8 +69,8 @@ class Recovery:
     ) -> Material:
         """The recovered material, in a precision."""
         values, model = self.coefficients(k, u), self.model
-        shininess = [f"specular.{j}.shininess" for j in model.searched]
-        names = (*linear_names(model.material), *shininess)
+        shapes = [name for names in model.searched for name in names]
+        names = (*linear_names(model.material), *shapes)
         return eqx.tree_at(
             lambda material: [coefficient(material, name) for name in names],
             model.material,

@@ -18,6 +18,7 @@ from fitting.inputs import Photograph
 from fitting.limits import Bounds
 from fitting.map_planes import MapPlanes, map_names, width
 from fitting.model import linear_names
+from fitting.shapes import is_shape
 
 __all__ = ["RegionWork", "region_labels"]
 
@@ -81,7 +82,7 @@ class RegionWork:
                 for x in (found.coefficients, found.standard_errors, unit)
             )
             nominal = np.where(np.isfinite(nominal), NOISE * self.brightest * nominal, inf)
-            size = value if name.endswith("shininess") else np.maximum(value, LEAST_SHARE * largest)
+            size = value if is_shape(name) else np.maximum(value, LEAST_SHARE * largest)
             known = (np.maximum(nominal, error) <= TOLERANCE * size) & (size > 0)
             rows["values"].append(value)
             rows["standard_errors"].append(error)

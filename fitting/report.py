@@ -14,8 +14,8 @@ Keys that a document may have besides; readers do without them, and null is as g
 - `certificate`: that no other minimum is better, {`proven`, `tolerance`, `shininess`: [low, high] of
   the search, `interval`: outside of it the residual is larger by the tolerance, `reason`};
   `tolerance` is of the relative residual.
-- `profile`: a list of {`lobe` from 0, `shininess`, `relative_residual`}, two lists of equal length:
-  the least residual that there is at each shininess.
+- `profile`: a list of {`names`, `values`, `relative_residual`}, the last two of equal length: the
+  least residual that there is at each value of a coefficient, which has one name or several.
 - `weighted_residual`: the relative residual with the weights of a robust fit.
 - `suspect_images`: images that disagree with the others, a list of {`file`, `reason`}.
 - `gains`: a number an image, or one a channel.
@@ -25,12 +25,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from fitting.named_models import LOBES
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -108,8 +106,8 @@ def _judged(fit: Fit, capture: Capture) -> dict[str, Any]:
         }
     found["profile"] = [
         {
-            "lobe": profile.lobe,
-            "shininess": _plain(profile.shininess),
+            "names": list(profile.names),
+            "values": _plain(profile.values),
             "relative_residual": _plain(profile.relative_residual),
         }
         for profile in fit.profiles
@@ -149,6 +147,7 @@ def material_from_json(document: Table) -> tuple[Material, AbstractAttenuation |
     Raises `BadInput`, naming the file and the place, for another schema and for what is missing,
     of the wrong type, out of range, or unknown to this version.
     """
+    from diffshade.io.reflectance_tables import read_body, read_lobe
     from diffshade.light import attenuation as laws
     from diffshade.reflectance.material import Material
 
@@ -156,19 +155,14 @@ def material_from_json(document: Table) -> tuple[Material, AbstractAttenuation |
     if "coefficients" not in document:
         document.fail('the key "coefficients" is missing; give a fit.json as `fit` writes it')
     table = _without_nulls(document.table("coefficients"))
-    if "body" in table:
-        table.fail("body is not null, which this version does not know; use the version it is from")
     given: dict[str, Any] = {key: table.per_channel(key) for key in ("ka", "kd") if key in table}
-    lobes = []
-    for lobe in table.tables("lobes", "lobe") if "lobes" in table else []:
-        kind = LOBES[lobe.choice("kind", LOBES)]
-        lobe.expect(("kind", "ks", "shininess"))
-        with lobe.naming():
-            lobes.append(kind(lobe.per_channel("ks"), lobe.number("shininess", least=0.0)))
+    lobes = table.tables("lobes", "lobe") if "lobes" in table else []
+    specular = tuple(read_lobe(_without_nulls(lobe)) for lobe in lobes)
+    body = read_body(table.table("body")) if "body" in table else None
     if not given and not lobes:
         table.fail("there is no coefficient; give ka, kd or a lobe")
     with table.naming():
-        material = Material(**given, specular=tuple(lobes))
+        material = Material(**given, specular=specular, body=body)
     if "attenuation" not in table:
         return material, None
     attenuation = table.table("attenuation")
@@ -210,17 +204,26 @@ def _shaped(fit: Fit, value: Callable[[str], Any], distance: float | None) -> di
     return {
         "ka": _plain(value("ka")),
         "kd": _plain(value("kd")),
-        "lobes": [
-            {
-                "kind": fit.material.specular[j].kind,
-                "ks": _plain(value(f"specular.{j}.ks")),
-                "shininess": _plain(value(f"specular.{j}.shininess")),
-            }
-            for j in lobes
-        ],
-        "body": None,
+        "lobes": [_part_to_json(fit.material.specular[j], f"specular.{j}", value) for j in lobes],
+        "body": None
+        if fit.material.body is None
+        else _part_to_json(fit.material.body, "body", value),
         "attenuation": attenuation,
     }
+
+
+def _part_to_json(part: Any, path: str, value: Callable[[str], Any]) -> dict[str, Any]:
+    """A lobe, its boundary, or a body: its kind, its coefficients by name, and what else it has."""
+    found: dict[str, Any] = {"kind": part.kind}
+    for field in fields(part):
+        own = getattr(part, field.name)
+        if isinstance(own, str | bool) or own is None:
+            found[field.name] = own
+        elif hasattr(own, "kind"):
+            found[field.name] = _part_to_json(own, f"{path}.{field.name}", value)
+        else:
+            found[field.name] = _plain(value(f"{path}.{field.name}"))
+    return found
 
 
 def _error(fit: Fit, name: str) -> Any:

@@ -98,7 +98,7 @@ def _rows_table(
 
 
 def minimum_section(document: Document) -> list[Element]:
-    """The objective over each shininess, what a certificate says, and other minima."""
+    """The objective over each shape, what a certificate says, and other minima."""
     parts = [part for curve in document.get("profile") or [] for part in _profile(document, curve)]
     certificate = document.get("certificate")
     if certificate is not None:
@@ -124,15 +124,12 @@ def minimum_section(document: Document) -> list[Element]:
 
 
 def _profile(document: Document, curve: Document) -> list[Element]:
-    j = curve["lobe"]
-    several = len(document["coefficients"]["lobes"]) > 1
-    name = f"shininess n{f' of lobe {j + 1}' * several}"
-    value = document["coefficients"]["lobes"][j]["shininess"]
-    row = next(r for r in material_rows(document) if r.full_name == f"specular.{j}.shininess")
+    row = next(r for r in material_rows(document) if r.full_name == curve["names"][0])
+    name, value = row.name, row.values[0]
     interval = row.intervals[0] if row.intervals and not row.note else None
     title = f"Least relative residual over the {name}"
     plot = curve_plot(
-        curve["shininess"],
+        curve["values"],
         curve["relative_residual"],
         x_label=name,
         y_label="relative residual",

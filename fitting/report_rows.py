@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 __all__ = [
@@ -44,10 +44,22 @@ def material_rows(document: Document) -> list[Row]:
     ]
     count = len(coefficients["lobes"])
     for j in range(count):
-        for key in ("ks", "shininess"):
-            name = f"{key}, lobe {j + 1}" if count > 1 else key
-            rows.append(_row(document, name, f"specular.{j}.{key}", ("lobes", j, key)))
+        for path in _numbers(coefficients["lobes"][j]):
+            name = f"{path[-1]}, lobe {j + 1}" if count > 1 else path[-1]
+            full_name = ".".join(("specular", str(j), *path))
+            rows.append(_row(document, name, full_name, ("lobes", j, *path)))
+    for path in _numbers(coefficients.get("body") or {}):
+        rows.append(_row(document, f"{path[-1]}, body", ".".join(("body", *path)), ("body", *path)))
     return rows
+
+
+def _numbers(part: Document) -> Iterator[tuple[str, ...]]:
+    """The paths to the coefficients of a lobe or a body: all but its kind and what is chosen."""
+    for key, value in part.items():
+        if isinstance(value, Mapping):
+            yield from ((key, *path) for path in _numbers(value))
+        elif not isinstance(value, str | bool) and key not in ("fresnel", "masking"):
+            yield (key,)
 
 
 LAWS = {

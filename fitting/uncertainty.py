@@ -29,6 +29,7 @@ from jaxtyping import Bool, Float
 from fitting.intervals import NORMAL, bounded_interval, quantile
 from fitting.null_space import Spectrum, spectrum
 from fitting.project import Gains
+from fitting.shapes import is_shape
 
 __all__ = ["Uncertainty", "propagate"]
 
@@ -125,7 +126,7 @@ def propagate(
     by which `_scatter` judges.
 
     `report` gives named arrays, of many k and y at once where these have leading axes. A name that
-    ends in "shininess" has its interval on the logarithm, on which its estimate is nearer to normal.
+    of a shape has its interval on the logarithm, on which its estimate is nearer to normal.
     """
     values, rows = _derivatives(report, at.k.astype(float), y.astype(float))
     position = np.append(at.k.ravel(), y).astype(float)
@@ -162,7 +163,7 @@ def propagate(
         reach = np.where(apart, quantile(len(image_pull) - 1.0), reach)
 
     logarithmic = np.concatenate(
-        [np.full(value.size, name.endswith("shininess")) for name, value in values.items()]
+        [np.full(value.size, is_shape(name)) for name, value in values.items()]
     )
     unit = np.where(logarithmic, estimate, 1.0)
     offsets = _offsets(

@@ -124,13 +124,14 @@ def _held(material: Material, hold: Sequence[Hold], channel_count: int) -> Mater
     import jax.numpy as jnp
 
     from fitting.model import coefficient, held_names
+    from fitting.shapes import is_shape
 
     for name, values in hold:
         try:
             names = held_names([name], material)
         except BadInput as error:
             raise WrongUsage(f"--hold: {error}") from None
-        counts = (1,) if name.endswith("shininess") else (1, channel_count)
+        counts = (1,) if all(map(is_shape, names)) else (1, channel_count)
         if len(values) not in counts:
             raise WrongUsage(
                 f"--hold {name}: {len(values)} numbers; give"

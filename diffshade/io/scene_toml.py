@@ -9,12 +9,12 @@
     ka = 0.1                                         # each term is optional: left out, it is absent
     kd = [0.6, 0.3, 0.2]
     [[material.specular]]
-    kind      = "phong"                              # or "blinn_phong"
+    kind      = "phong"                              # or another: see `reflectance_tables`
     ks        = 0.5
     shininess = 32
 
-`od` and `os`, the object colours, stand beside `ka` and `kd`. `schema = "diffshade.scene/1"` may
-stand at the top.
+`body`, the boundary over the diffuse term, stands beside `kd`; so do `od` and `os`, the object
+colours. `schema = "diffshade.scene/1"` may stand at the top.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffshade.errors import BadInput
+from diffshade.io.reflectance_tables import per_channel_keys, read_body, read_lobe
 from diffshade.io.toml_document import Table, read_toml
 from diffshade.io.toml_tables import (
     asks_for_fit,
@@ -118,28 +119,16 @@ def _material(table: Table) -> Material:
     from diffshade.reflectance.material import Material
 
     coefficients = ("ka", "kd", "od", "os")
-    table.expect((), (*coefficients, "specular"))
+    table.expect((), (*coefficients, "specular", "body"))
     if not {"ka", "kd", "specular"} & set(table.values):
         table.fail("it has no term; give ka, kd or specular")
     lobes: tuple[AbstractLobe, ...] = ()
     if "specular" in table:
-        lobes = tuple(map(_lobe, table.tables("specular", "lobe")))
+        lobes = tuple(map(read_lobe, table.tables("specular", "lobe")))
+    body = read_body(table.table("body")) if "body" in table else None
     given: dict[str, Any] = {k: table.per_channel(k) for k in coefficients if k in table}
     with table.naming():
-        return Material(**given, specular=lobes)
-
-
-def _lobe(table: Table) -> AbstractLobe:
-    from diffshade.reflectance.blinn_phong import BlinnPhong
-    from diffshade.reflectance.phong import Phong
-
-    kinds: dict[str, type[Phong] | type[BlinnPhong]] = {
-        kind.kind: kind for kind in (Phong, BlinnPhong)
-    }
-    kind = kinds[table.choice("kind", kinds)]
-    table.expect(("kind", "ks", "shininess"))
-    with table.naming():
-        return kind(table.per_channel("ks"), table.per_channel("shininess"))
+        return Material(**given, specular=lobes, body=body)
 
 
 def _one_channel_count(top: Table, lights: list[Table]) -> None:
@@ -148,9 +137,10 @@ def _one_channel_count(top: Table, lights: list[Table]) -> None:
     if "material" in top:
         material = top.table("material")
         tables += [(material, key) for key in ("ka", "kd", "od", "os")]
-        if "specular" in material:
-            for lobe in material.tables("specular", "lobe"):
-                tables += [(lobe, "ks"), (lobe, "shininess")]
+        lobes = material.tables("specular", "lobe") if "specular" in material else []
+        bodies = [material.table("body")] if "body" in material else []
+        for part in (*lobes, *bodies):
+            tables += per_channel_keys(part)
     counts = {}
     for table, key in tables:
         value = table.values.get(key)

@@ -86,6 +86,11 @@ class Table:
         value = self.values[key]
         return value if value in choices else self._wrong(key, f"one of {quoted}")
 
+    def truth(self, key: str) -> bool:
+        """true or false."""
+        value = self.values[key]
+        return value if isinstance(value, bool) else self._wrong(key, "true or false")
+
     def whole(self, key: str) -> int:
         """A whole number of at least 1, and below 2^31."""
         value = self.values[key]

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 from diffshade.arrays import coefficients, is_concrete, optional
 from diffshade.buckets import pad
 from diffshade.errors import BadInput
+from diffshade.reflectance.body import FresnelBody
 from diffshade.reflectance.lobe import AbstractLobe
 
 __all__ = ["Material", "by_slot", "check_slots", "with_padded_maps"]
@@ -31,7 +32,8 @@ class Material(eqx.Module):
 
     `ka`, `kd` and each lobe's `ks` are one number, one a channel [C], or maps over a G-buffer's
     pixels [C or 1, P]; they usually lie in [0, 1]. `specular` is a lobe or a tuple of lobes.
-    `od` and `os` are the object colours O_d and O_s (text C): O_d multiplies the ambient and the
+    `body` is the boundary that the diffuse light enters and leaves through; None is none, as in the
+    texts. `od` and `os` are the object colours O_d and O_s (text C): O_d multiplies the ambient and the
     diffuse term, O_s every lobe; None means 1. A term that is left out is None, and is not in the
     program that XLA compiles; a coefficient of zero is.
 
@@ -45,6 +47,16 @@ class Material(eqx.Module):
     specular: tuple[AbstractLobe, ...] = eqx.field(converter=_lobes, default=())
     od: Coefficient = eqx.field(converter=optional(coefficients("od")), default=None)
     os: Coefficient = eqx.field(converter=optional(coefficients("os")), default=None)
+    body: FresnelBody | None = None
+
+    def __check_init__(self) -> None:
+        if self.body is not None and self.kd is None:
+            raise BadInput("a body is given without kd: give kd, or leave the body out")
+
+    @property
+    def is_seen_from(self) -> bool:
+        """Whether where it is seen from matters: with a lobe or a body."""
+        return bool(self.specular) or self.body is not None
 
 
 def by_slot(materials: Sequence[Material], slot: Int[Array, "P"]) -> Material:

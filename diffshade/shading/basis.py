@@ -107,7 +107,7 @@ def terms(
     sums: LightSums = (None, ())
     if lights and (material.kd is not None or material.specular):
         known = all(not isinstance(x, Many) and x[1] is not None for x in lights)
-        view = _view(gbuffer) if material.specular and not known else None
+        view = _view(gbuffer) if material.is_seen_from and not known else None
 
         def term(lights: Sequence[Lit]) -> LightSums:
             return few(gbuffer, lights, material, view)
@@ -130,7 +130,7 @@ def written_out(
     total: LightSums | None = None
     for light, seen in lights:
         if seen is None:
-            seen = kept(angles, gbuffer, light, material.specular, view)
+            seen = kept(angles, gbuffer, light, material.specular, material.body, view)
         total = add(total, reflected(seen, light, material))
     assert total is not None
     return total
@@ -149,7 +149,7 @@ def in_one_pass(
     def colourless(one: Lit, gbuffer: GBuffer, material: Material, view: Vec3 | None) -> LightSums:
         light, seen = one
         if seen is None:
-            seen = angles(gbuffer, light, material.specular, view)
+            seen = angles(gbuffer, light, material.specular, material.body, view)
         return unlit(seen, light, material)
 
     total: LightSums | None = None

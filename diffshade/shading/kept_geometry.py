@@ -57,8 +57,9 @@ def planes_of(surface: KeptGeometry) -> PyTree:
 
 
 def kinds(scene: Scene, material: Material) -> tuple[str, ...]:
-    """The kinds of lights and lobes, in order."""
-    return tuple(type(x).__name__ for x in (*scene.lights, *material.specular))
+    """The kinds of lights, lobes and body, in order."""
+    body = () if material.body is None else (material.body,)
+    return tuple(type(x).__name__ for x in (*scene.lights, *material.specular, *body))
 
 
 def keep_geometry(
@@ -90,4 +91,4 @@ def keep_geometry(
 
 @Led
 def _angles(gbuffer: GBuffer, scene: Scene, material: Material) -> tuple[Angles, ...]:
-    return tuple(angles(gbuffer, light, material.specular) for light in scene.lights)
+    return tuple(angles(gbuffer, light, material.specular, material.body) for light in scene.lights)

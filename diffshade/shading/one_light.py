@@ -10,9 +10,11 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from diffshade import guard
 from diffshade.channels import Channels, channels, times
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
+from diffshade.reflectance.body import FresnelBody
 from diffshade.reflectance.lambert import lambert
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.reflectance.material import Material
@@ -25,17 +27,22 @@ Plane = Float[Array, "..."]
 
 
 class Angles(eqx.Module):
-    """At points under one light: n.l, what each lobe needs, and the distance where it matters."""
+    """At points under one light: n.l, what each lobe needs, and the distance where it matters.
+
+    `n_dot_v` is max(0, n.v), where a body needs it.
+    """
 
     n_dot_l: Plane
     lobes: tuple[Any, ...]
     distance: Plane | None
+    n_dot_v: Plane | None = None
 
 
 def angles(
     gbuffer: GBuffer,
     light: AbstractLight,
     lobes: tuple[AbstractLobe, ...],
+    body: FresnelBody | None = None,
     view: Vec3 | None = None,
 ) -> Angles:
     """The half that depends on positions, normals and directions.
@@ -45,10 +52,11 @@ def angles(
     n = gbuffer.normal
     l, distance = light.incidence(gbuffer.position)
     n_dot_l = dot(n, l)
-    if not lobes:
+    if not lobes and body is None:
         return Angles(n_dot_l, (), distance)
     v = gbuffer.viewer.direction(gbuffer.position) if view is None else view
-    return Angles(n_dot_l, tuple(lobe.angles(n, l, v, n_dot_l) for lobe in lobes), distance)
+    seen = tuple(lobe.angles(n, l, v, n_dot_l) for lobe in lobes)
+    return Angles(n_dot_l, seen, distance, None if body is None else guard.positive(dot(n, v)))
 
 
 def reflected(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
@@ -61,9 +69,18 @@ def unlit(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
     f = light.falloff(seen.distance)
     diffuse: Channels | None = None
     if material.kd is not None:
-        diffuse = _times(f, (lambert(seen.n_dot_l),))
+        diffuse = _times(f, _diffuse(seen, material.body))
     lobes = zip(material.specular, seen.lobes, strict=True)
     return diffuse, tuple(_times(f, lobe.at(own)) for lobe, own in lobes)
+
+
+def _diffuse(seen: Angles, body: FresnelBody | None) -> Channels:
+    """n.l, and the share of it that passes into a body and out again."""
+    cosine = lambert(seen.n_dot_l)
+    if body is None:
+        return (cosine,)
+    assert seen.n_dot_v is not None
+    return times((cosine,), body.passed(cosine, seen.n_dot_v))
 
 
 def lit(light: AbstractLight, terms: LightSums) -> LightSums:

@@ -10,7 +10,7 @@ import diffshade as ds
 from fitting.attempt import attempted, searched
 from fitting.inputs import match
 from fitting.limits import Bounds, Limits, limits
-from fitting.model import Model, default_material, shininess_names
+from fitting.model import default_material, model_of
 from fitting.observed import Observed
 from fitting.polish import Minimum
 
@@ -36,10 +36,8 @@ class Case:
         hold: frozenset[str] = frozenset(),
     ) -> "Case":
         """The fit of an image, all of `start` unknown but for what `hold` names in full."""
-        names = shininess_names(start)
-        free = tuple(j for j, name in enumerate(names) if name not in hold)
         observed = Observed(match(image, GBUFFER, scene, None))
-        model = Model(material=start, searched=free, channel_count=image.shape[2])
+        model = model_of(start, hold, image.shape[2])
         limit = limits(model, hold, start, bounds or {}, start_given=True)
         basins = searched(observed, model, limit, None, None)
         found = attempted(observed, model, limit, basins, None, gains=False)

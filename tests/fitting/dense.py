@@ -189,8 +189,8 @@ class Plain:
 
     def seen(self) -> Seen:
         minimum = self.minimum()
-        searched = tuple(range(len(self.n)))
-        depths = highlight_depths(minimum.information, minimum.k, self.plain, searched)
+        exponents = {j: j for j in range(len(self.n))}
+        depths = highlight_depths(minimum.information, minimum.k, self.plain, exponents)
         if self.c is None:
             return Seen(depths=depths)
         d = self.distances()

@@ -15,6 +15,7 @@ from fitting.attempt import attempted, searched
 from fitting.certificate import Certificate, certify
 from fitting.gauge import PolynomialGauge
 from fitting.lower_bound import bound
+from fitting.model import model_of
 from fitting.observed import Observed
 from fitting.weights import Tukey, Weighting
 
@@ -208,7 +209,8 @@ def test_what_a_proof_does_not_reach_is_said(rng: np.random.Generator) -> None:
     drawn = case(rng, light_count=1, noise=1e-3)
     minimum, problem, model = drawn.minimum, drawn.minimum.problem, drawn.minimum.problem.model
     lobe = model.material.specular[0]
-    two = replace(model, material=replace(model.material, specular=(lobe, lobe)), searched=(0, 1))
+    lobes = replace(model.material, specular=(lobe, lobe))
+    two = replace(model, material=lobes, searched=model_of(lobes, frozenset(), 1).searched)
     hump = replace(model, material=replace(model.material, specular=Hump(lobe.ks, lobe.shininess)))
     law = replace(model, gauge=PolynomialGauge(np.ones(()), held=(None, None, None)))
 
@@ -220,8 +222,11 @@ def test_what_a_proof_does_not_reach_is_said(rng: np.random.Generator) -> None:
     dark = Observed([lights._replace(scene=replace(lights.scene, ambient=-lights.scene.ambient))])
     gained = replace(minimum, gains=np.ones(1))
     for certificate, reason in (
-        (certified_as(model=two), "The shininess of 2 lobes is searched"),
-        (certified_as(model=hump), "A hump lobe does not fall convexly"),
+        (
+            certified_as(model=two),
+            "2 shapes are searched: specular.0.shininess, specular.1.shininess",
+        ),
+        (certified_as(model=hump), "does not fall convexly with specular.0.shininess"),
         (certified_as(model=law), "The attenuation is searched"),
         (certify(drawn.observed, gained, drawn.limit.box), "The gains of the lights are searched"),
         (certified_as(lower=problem.lower - 1), "may be negative"),

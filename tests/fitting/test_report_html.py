@@ -68,8 +68,8 @@ OPTIONAL = {
     "certificate": {"proven": True, "tolerance": 1e-3, "shininess": [0.1, 1e5], "reason": "Bound."},
     "profile": [
         {
-            "lobe": 0,
-            "shininess": [1.0, 10.0, 60.0, 1000.0],
+            "names": ["specular.0.shininess"],
+            "values": [1.0, 10.0, 60.0, 1000.0],
             "relative_residual": [0.3, 0.2, 0.1, 0.4],
         }
     ],
@@ -284,7 +284,11 @@ def test_a_fitted_attenuation_and_a_truth() -> None:
 def test_what_is_not_finite_is_said() -> None:
     made = document(relative_residual=None, noise=None)
     made["coefficients"]["kd"][0] = made["per_image"][1]["relative_residual"] = None
-    profile = {"lobe": 0, "shininess": [1.0, 2.0, 3.0], "relative_residual": [None, None, 0.1]}
+    profile = {
+        "names": ["specular.0.shininess"],
+        "values": [1.0, 2.0, 3.0],
+        "relative_residual": [None, None, 0.1],
+    }
     made |= {"correlations": {"names": ["a", "b"], "matrix": [[1, None], [None, 1]]}}
     made |= {"profile": [profile]}
     shown = page(made)

@@ -1,0 +1,78 @@
+"""The coefficients that shape a lobe or a body: where each may lie, and where a search begins.
+
+The image is not linear in them. All are above 0 and searched on a logarithmic scale, on which their
+errors are the more nearly normal. Names are paths into a material: "specular.0.alpha",
+"specular.0.fresnel.index", "body.index".
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from diffshade.reflectance.fresnel import Dielectric
+from diffshade.reflectance.material import Material
+
+__all__ = ["SHAPES", "Shape", "boundaries", "is_shape", "shape_names", "shape_of"]
+
+
+class Shape(NamedTuple):
+    """The bounds that a coefficient has by default, and the nodes of a coarse grid over it."""
+
+    bounds: tuple[float, float]
+    nodes: tuple[float, ...]
+
+
+def _spread(low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(np.geomspace(low, high, count).tolist())
+
+
+SHAPES = {
+    "shininess": Shape((0.1, 1e5), _spread(1.0, 3000.0, 15)),
+    "alpha": Shape((1e-3, 2.0), _spread(0.015, 0.9, 13)),
+    "index": Shape((1.01, 5.0), (1.15, 1.5, 2.2)),
+    "extinction": Shape((1e-2, 20.0), (1.0, 3.0, 8.0)),
+    "f0": Shape((1e-3, 1.0), (0.04, 0.3)),
+}
+
+
+def shape_of(name: str) -> Shape:
+    """That of a coefficient by its name."""
+    return SHAPES[name.rpartition(".")[2]]
+
+
+def is_shape(name: str) -> bool:
+    """Whether a coefficient is none of the linear ones."""
+    return name.startswith(("specular.", "body.")) and not name.endswith(".ks")
+
+
+def shape_names(material: Material) -> tuple[str, ...]:
+    """Those of a material: its lobes', one after the other, and its body's."""
+    lobes = (
+        name for j, lobe in enumerate(material.specular) for name in _paths(lobe, f"specular.{j}")
+    )
+    return (*(name for name in lobes if is_shape(name)), *_paths(material.body, "body"))
+
+
+def boundaries(material: Material) -> tuple[str, ...]:
+    """The refractive indices of the one clear boundary that a surface has.
+
+    Light is mirrored by it and passes it: those of dielectric lobes and of the body are one number.
+    """
+    lobes = (
+        f"specular.{j}.fresnel.index"
+        for j, lobe in enumerate(material.specular)
+        if isinstance(getattr(lobe, "fresnel", None), Dielectric)
+    )
+    return (*lobes, *(() if material.body is None else ("body.index",)))
+
+
+def _paths(part: Any, path: str) -> Iterator[str]:
+    if isinstance(part, eqx.Module):
+        for field in fields(part):
+            yield from _paths(getattr(part, field.name), f"{path}.{field.name}")
+    elif isinstance(part, jax.Array | np.ndarray):
+        yield path
