@@ -6,6 +6,7 @@ from .found import Fit as Fit
 from .implicit import solve as solve
 from .maps import Maps as Maps
 from .maps import fit_maps as fit_maps
+from .named_models import MODELS as MODELS
 from .profile import Profile as Profile
 from .residual import Evaluation as Evaluation
 from .residual import evaluate as evaluate

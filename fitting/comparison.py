@@ -15,6 +15,7 @@ from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.estimate import fit
 from fitting.found import Fit
+from fitting.named_models import named_bounds, named_material
 
 __all__ = ["Comparison", "compare"]
 
@@ -42,14 +43,16 @@ def compare(
     scenes: Scene | Sequence[Scene],
     attenuations: Sequence[type[AbstractAttenuation] | None] = (None,),
     *,
-    materials: Sequence[Material | None] = (None,),
+    materials: Sequence[Material | str | None] = (None,),
     **options: Any,
 ) -> tuple[Comparison, ...]:
     """Fit every law of attenuation with every material, and rank them; the best is first.
 
     `attenuations` are as `fit` takes them: None for the scene's, or types such as
     `ds.LinearAttenuation`. `materials` are models of reflectance, each with its terms and lobes; None is
-    the default. All `options` are those of `fit`. For independent normal noise of one unknown variance
+    the default, and a name one of `fitting.MODELS`, with its bounds: "phong", "blinn-phong", "lambert",
+    "phong2", "ggx", "plastic" or "plastic2". All `options` are those of `fit`. For independent normal
+    noise of one unknown variance
 
         log L = -n/2 (log(2 pi |r|^2 / n) + 1),   BIC = m log n - 2 log L,
 
@@ -73,13 +76,21 @@ def compare(
     if not models:
         raise BadInput("attenuations or materials is empty: give at least one of each to compare")
     rows = []
-    for material, law in models:
-        found = fit(images, gbuffer, scenes, material=material, attenuation=law, **options)
+    given = [scenes] if isinstance(scenes, Scene) else scenes
+    ambient = any(scene.ambient is not None for scene in given)
+    for model, law in models:
+        own = options
+        if isinstance(model, str):
+            material: Material | None = named_material(model, ambient=ambient)
+            own = options | {"bounds": named_bounds(model) | dict(options.get("bounds") or {})}
+        else:
+            material = model
+        found = fit(images, gbuffer, scenes, material=material, attenuation=law, **own)
         likelihood = found.likelihood
         assert likelihood is not None
         parts = [_law_name(law)] if len(attenuations) > 1 or len(materials) == 1 else []
         if len(materials) > 1:
-            parts.insert(0, _material_name(found.material))
+            parts.insert(0, model if isinstance(model, str) else _material_name(found.material))
         rows.append(
             Comparison(
                 ", ".join(parts),
@@ -102,5 +113,5 @@ def _law_name(law: type[AbstractAttenuation] | None) -> str:
 
 def _material_name(material: Material) -> str:
     """Its terms and lobes: "ka + kd + Phong"."""
-    terms = [name for name in ("ka", "kd") if getattr(material, name) is not None]
+    terms = [name for name in ("ka", "kd", "body") if getattr(material, name) is not None]
     return " + ".join([*terms, *(type(lobe).__name__ for lobe in material.specular)])

@@ -16,6 +16,7 @@ Keys that a document may have besides; readers do without them, and null is as g
   `tolerance` is of the relative residual.
 - `profile`: a list of {`names`, `values`, `relative_residual`}, the last two of equal length: the
   least residual that there is at each value of a coefficient, which has one name or several.
+- `compared`: where models were, the best first, a list of {`model`, `bic`, `relative_residual`}.
 - `weighted_residual`: the relative residual with the weights of a robust fit.
 - `suspect_images`: images that disagree with the others, a list of {`file`, `reason`}.
 - `gains`: a number an image, or one a channel.

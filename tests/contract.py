@@ -7,24 +7,59 @@ names have nothing to differentiate, and why. What is exported and stands in nei
 from collections.abc import Callable, Iterator
 from functools import partial
 from types import ModuleType
-from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import strategies
+from computed import (
+    SMITH,
+    Contract,
+    attenuated,
+    ball,
+    between_colours,
+    error,
+    faceted,
+    from_basis,
+    gbuffer,
+    grooved,
+    kept,
+    lobe,
+    of_angles,
+    of_colours,
+    of_corners,
+    of_grooves,
+    of_inverses,
+    of_numbers,
+    of_shares,
+    of_vectors,
+    of_vertices,
+    on_a_device,
+    orthographic,
+    parallel_light,
+    perspective,
+    point_light,
+    powers,
+    shaded,
+    smith,
+    triangles,
+)
 from jax.flatten_util import ravel_pytree
-from strategies import Cases, Deck
+from strategies import Cases
 
 import diffshade as ds
 from diffshade import guard, vector
 from diffshade.colour import cie, device, interpolate, srgb, transfer
 from diffshade.fusion import search_options
 from diffshade.geometry import normals
-from diffshade.geometry.surface import Visibility
-from diffshade.reflectance import blinn_phong, lambert, phong
-from diffshade.vector import Vec3
+from diffshade.reflectance import (
+    blinn_phong,
+    distribution,
+    fresnel,
+    lambert,
+    masking,
+    phong,
+)
 
 __all__ = ["CONTRACT", "NO_FLOATS", "Contract", "exported", "failure", "finite"]
 
@@ -40,6 +75,7 @@ NO_FLOATS = {
     "transfer.levels_needed": "computed on the host",
     "transfer.look_up_table": "computed on the host",
     "guard.shortest": "a constant of a type",
+    "fresnel.AbstractFresnel": "the class of its three kinds",
     "BadInput": "an exception",
     "compiler_options": "options of a compiler",
     "load_mesh": "reads a file; what it gives is a Mesh",
@@ -47,37 +83,11 @@ NO_FLOATS = {
 }
 
 
-class Contract(NamedTuple):
-    """How the cases are made, and what is computed of one."""
-
-    make: Callable[[Deck], Cases]
-    of: Callable[[dict[str, Any]], Any]
-
-    def cases(self, deck: Deck) -> Cases:
-        """Those numbers of a case that the computation reads."""
-        case = self.make(deck)
-        one = {name: jax.ShapeDtypeStruct(x.shape[1:], x.dtype) for name, x in case.items()}
-        read: set[str] = set()
-        jax.eval_shape(lambda one: self.of(_Noted(one, read)), one)
-        return {name: case[name] for name in sorted(read)}
-
-
-class _Noted(dict[str, Any]):
-    """A case that notes what is read of it."""
-
-    def __init__(self, case: Any, read: set[str]) -> None:
-        super().__init__(case)
-        self.read = read
-
-    def __getitem__(self, name: str) -> Any:
-        self.read.add(name)
-        return super().__getitem__(name)
-
-
 def exported() -> Iterator[str]:
     """The public names: of the package, and of the modules that formulas are read in."""
     modules: tuple[ModuleType, ...] = (
         *(ds, guard, vector, normals, lambert, phong, blinn_phong),
+        *(distribution, fresnel, masking),
         *(cie, device, interpolate, srgb, transfer),
     )
     for module in modules:
@@ -119,214 +129,6 @@ def failure(cases: Cases, are_finite: np.ndarray) -> str | None:
     which = [mode for mode, fine in zip(MODES, are_finite[bad[0]], strict=True) if not fine]
     case = {name: array[bad[0]].tolist() for name, array in cases.items()}
     return f"{', '.join(which)} not finite at {case}"
-
-
-# What is computed of a case
-
-
-def gbuffer(case: dict[str, Any], eye: bool = True) -> ds.GBuffer:
-    """One pixel."""
-    position, normal = case["position"][None, None], case["normal"][None, None]
-    viewer = {"eye": case["eye"]} if eye else {"view": case["view"]}
-    return ds.GBuffer.from_arrays(position, normal, np.ones((1, 1), bool), **viewer)
-
-
-def law(kind: type[Any] | None, case: dict[str, Any]) -> Any:
-    """An attenuation."""
-    c, linear = case["c"], case["linear"]
-    laws: dict[Any, Callable[[], Any]] = {
-        None: lambda: None,
-        ds.QuadraticAttenuation: lambda: ds.QuadraticAttenuation(*c),
-        ds.LinearAttenuation: lambda: ds.LinearAttenuation(*linear),
-        ds.InverseSquare: ds.InverseSquare,
-        ds.ExponentialAttenuation: lambda: ds.ExponentialAttenuation(case["a"]),
-        ds.Windowed: lambda: ds.Windowed(ds.InverseSquare(), case["reach"]),
-    }
-    return laws[kind]()
-
-
-def point_light(case: dict[str, Any], kind: Any = None) -> ds.PointLight:
-    """One with an attenuation."""
-    return ds.PointLight(case["place"], case["intensity"], law(kind, case))
-
-
-def parallel_light(case: dict[str, Any]) -> ds.ParallelLight:
-    """One towards the same."""
-    return ds.ParallelLight(case["direction"], case["intensity"])
-
-
-def material(case: dict[str, Any], *lobes: type[Any]) -> ds.Material:
-    """Everything that a material can have."""
-    specular = tuple(lobe(case["ks"], case["shininess"]) for lobe in lobes)
-    return ds.Material(case["ka"], case["kd"], specular, case["od"], case["os"])
-
-
-def shaded(light: Callable[..., Any], *lobes: type[Any], eye: bool = True) -> Contract:
-    """The radiance of a point under a light."""
-
-    def of(case: dict[str, Any]) -> Any:
-        scene = ds.Scene(case["ambient"], light(case))
-        return ds.render(gbuffer(case, eye), scene, material(case, *lobes))
-
-    return Contract(strategies.scenes, of)
-
-
-def attenuated(kind: type[Any]) -> Contract:
-    """A law at a distance, and what a light of it does."""
-
-    def of(case: dict[str, Any]) -> Any:
-        scene = ds.Scene(None, point_light(case, kind))
-        image = ds.render(gbuffer(case), scene, ds.Material(kd=case["kd"]))
-        return law(kind, case)(case["d"]), image
-
-    return Contract(strategies.scenes, of)
-
-
-def kept(case: dict[str, Any]) -> Any:
-    """From geometry that is kept."""
-    scene = ds.Scene(case["ambient"], point_light(case, ds.QuadraticAttenuation))
-    of = material(case, ds.Phong)
-    return ds.render(ds.keep_geometry(gbuffer(case), scene, of), scene, of)
-
-
-def from_basis(case: dict[str, Any]) -> Any:
-    """The basis, and what is contracted of it."""
-    scene = ds.Scene(case["ambient"], point_light(case, ds.QuadraticAttenuation))
-    terms = ds.basis(gbuffer(case), scene, material(case, ds.Phong))
-    return terms, ds.contract(terms, material(case, ds.Phong))
-
-
-def error(case: dict[str, Any]) -> jax.Array:
-    """The squared error against an observation."""
-    scene = ds.Scene(case["ambient"], point_light(case, ds.QuadraticAttenuation))
-    observed = case["observed"][None, None]
-    return ds.mean_squared_error(gbuffer(case), scene, material(case, ds.Phong), observed)
-
-
-def on_a_device(case: dict[str, Any]) -> Any:
-    """A pixel that is dealt out, which is done with values: the light is what varies."""
-    dtype = case["place"].dtype
-    ground = np.zeros((1, 1, 3), dtype)
-    up = ground + np.array([0, 0, 1], dtype)
-    with jax.ensure_compile_time_eval():
-        flat = ds.GBuffer.from_arrays(ground, up, eye=np.array([0, 0, 1], dtype))
-        dealt = ds.shard(flat, jax.devices()[:1])
-    scene = ds.Scene(case["ambient"], point_light(case, ds.QuadraticAttenuation))
-    return ds.render(dealt, scene, material(case, ds.Phong))
-
-
-PIXELS = Visibility((2, 2), jnp.arange(4, dtype=jnp.int32))
-
-
-def orthographic(case: dict[str, Any]) -> Any:
-    """A camera of 2 x 2 pixels."""
-    return ds.OrthographicCamera(
-        2, 2, case["extent"], position=case["camera"], target=case["target"], up=case["up"]
-    )
-
-
-def perspective(case: dict[str, Any]) -> Any:
-    """The same, of a point."""
-    return ds.PerspectiveCamera(2, 2, case["fov"], case["camera"], case["target"], case["up"])
-
-
-def ball(camera: Callable[..., Any], case: dict[str, Any]) -> Any:
-    """The points of a sphere that four pixels see, whether or not their rays meet it."""
-    g = ds.gbuffer(ds.Sphere(case["center"], case["radius"]), camera(case), PIXELS)
-    return g.position, g.normal, g.viewer
-
-
-FACES = np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def triangles(frequency: Any, given: bool, case: dict[str, Any]) -> Any:
-    """The points at which a mesh is shaded."""
-    mesh = ds.Mesh(case["vertices"], FACES, case["normals"] if given else None)
-    weights = Vec3(*(jnp.tile(w, 4) for w in case["weights"]))
-    face = jnp.array([0, 1, 0, 1], jnp.int32)
-    seen = eqx.tree_at(
-        lambda s: (s.face, s.barycentric), PIXELS, (face, weights), is_leaf=lambda x: x is None
-    )
-    g = ds.gbuffer(mesh, orthographic(case), seen, shading=frequency)
-    light = ds.ParallelLight(case["up"], jnp.ones_like(case["extent"]))
-    matt = ds.Material(kd=jnp.ones_like(case["extent"]))
-    return g.position, g.normal, ds.render(g, ds.Scene(lights=light), matt)
-
-
-def of_corners(f: Callable[..., Any]) -> Contract:
-    """A function of a triangle."""
-
-    def of(case: dict[str, Any]) -> Any:
-        return f(*(Vec3.from_array(case["vertices"][None, k]) for k in range(3)))
-
-    return Contract(lambda deck: {"vertices": strategies.meshes(deck)["vertices"][:, :3]}, of)
-
-
-def of_vertices(case: dict[str, Any]) -> Vec3:
-    """The normals of vertices."""
-    return normals.vertex_normals(case["vertices"], jnp.asarray(FACES))
-
-
-def of_vectors(f: Callable[..., Any], count: int = 2) -> Contract:
-    """A function of one or two vectors."""
-
-    def of(case: dict[str, Any]) -> Any:
-        return f(*(Vec3.from_array(case[name]) for name in ("a", "b")[:count]))
-
-    return Contract(strategies.vectors, of)
-
-
-def of_numbers(f: Callable[..., Any]) -> Contract:
-    """A function of one number."""
-    return Contract(lambda deck: {"x": deck.numbers()}, lambda case: f(case["x"]))
-
-
-def of_inverses(f: Callable[..., Any]) -> Contract:
-    """One whose derivatives leave the range of a type for numbers that are no lengths."""
-
-    def cases(deck: Deck) -> Cases:
-        x = deck.signs((deck.count,)) * deck.lengths()
-        return {"x": deck.either(0.9, x, 0 * x).astype(deck.dtype)}
-
-    return Contract(cases, lambda case: f(case["x"]))
-
-
-def directions(deck: Deck) -> Cases:
-    """Unit vectors n, l, v, with the ties of lights, and a shininess."""
-    case = strategies.scenes(deck)
-    return {key: case[key] for key in ("position", "normal", "eye", "place", "shininess")}
-
-
-def lobe(f: Callable[..., Any]) -> Contract:
-    """A lobe as a formula."""
-
-    def of(case: dict[str, Any]) -> Any:
-        p, n, v, l = (Vec3.from_array(case[k]) for k in ("position", "normal", "eye", "place"))
-        n, l, v = vector.unit(n), vector.unit(l - p), vector.unit(v - p)
-        return f(n, l, v, vector.dot(n, l), case["shininess"])
-
-    return Contract(directions, of)
-
-
-def of_colours(f: Callable[..., Any]) -> Contract:
-    """A function of a colour."""
-    return Contract(strategies.colours, lambda case: f(case["colour"]))
-
-
-def of_shares(case: dict[str, Any]) -> jax.Array:
-    """Of the components in their sum."""
-    return guard.ratio(case["colour"], case["colour"].sum(keepdims=True))
-
-
-def between_colours(case: dict[str, Any]) -> Any:
-    """The way from one colour to another in every system."""
-    ends = case["colour"], case["other"]
-    return [interpolate.interpolate(*ends, case["share"], name) for name in interpolate.SYSTEMS]
-
-
-def powers(deck: Deck) -> Cases:
-    """A cosine, and an exponent."""
-    return {"x": deck.numbers(most=1.0), "n": strategies.materials(deck)["shininess"]}
 
 
 quadratic = partial(point_light, kind=ds.QuadraticAttenuation)
@@ -413,6 +215,31 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("transfer.value_for",): of_colours(lambda x: transfer.value_for(x, 2.2)),
     ("interpolate.interpolate",): Contract(strategies.colours, between_colours),
     # Lobes
+    ("GGX", "Dielectric"): faceted(ds.GGX, lambda case: ds.Dielectric(case["index"])),
+    ("Beckmann", "Conductor"): faceted(
+        ds.Beckmann,
+        lambda case: ds.Conductor(case["index"], case["extinction"]),
+        masking="separable",
+        rational=True,
+    ),
+    ("TorranceSparrow", "Schlick"): faceted(
+        ds.TorranceSparrow, lambda case: ds.Schlick(case["f0"])
+    ),
+    ("FresnelBody",): faceted(ds.Beckmann, None),
+    **{
+        (f"distribution.{name}",): of_angles(getattr(distribution, name), "cosine", "alpha")
+        for name in distribution.__all__
+    },
+    **{
+        (f"masking.{name}",): of_angles(getattr(masking, name), "cosine", "alpha")
+        for name in ("ggx_shadow", "beckmann_shadow", "rational_beckmann_shadow")
+    },
+    ("masking.separable",): of_angles(smith(masking.separable), *SMITH),
+    ("masking.height_correlated",): of_angles(smith(masking.height_correlated), *SMITH),
+    ("masking.v_groove",): Contract(grooved, of_grooves),
+    ("fresnel.dielectric",): of_angles(fresnel.dielectric, "cosine", "index"),
+    ("fresnel.conductor",): of_angles(fresnel.conductor, "cosine", "index", "extinction"),
+    ("fresnel.schlick",): of_angles(fresnel.schlick, "cosine", "f0"),
     ("phong.phong",): lobe(phong.phong),
     ("blinn_phong.blinn_phong",): lobe(blinn_phong.blinn_phong),
 }

@@ -41,6 +41,8 @@ LARGEST = {"float32": 10.0, "float64": 1e20}
 """The largest coefficient and colour."""
 SHARPEST = 1e5
 """The largest shininess."""
+ROUGHNESS = (1e-3, 2.0)
+"""The least and the largest alpha of microfacets."""
 
 
 class Deck:
@@ -202,12 +204,22 @@ def attenuations(deck: Deck) -> Cases:
 
 
 def materials(deck: Deck) -> Cases:
-    """Coefficients, colours and the shininess: 0, below 1, 1, and up to 1e5."""
+    """Coefficients, colours, the shininess, 0, below 1, 1, and up to 1e5, and what microfacets have."""
     usual = deck.rng.choice([0.0, 1e-3, 0.5, 1.0, 2.0, 32.0, SHARPEST], deck.count)
     largest = LARGEST[deck.dtype.name]
     k = {name: deck.numbers(1, most=largest) for name in ("ka", "kd", "ks", "od", "os")}
     shininess = deck.either(0.5, usual, deck.positive(most=SHARPEST)).astype(deck.dtype)
-    return k | {"shininess": shininess, "ambient": deck.numbers(1, most=deck.brightest)}
+    index = deck.between(0.1, 10.0)  # 1, where nothing is reflected, is one of them
+    return k | {
+        "shininess": shininess,
+        "ambient": deck.numbers(1, most=deck.brightest),
+        "alpha": deck.between(*ROUGHNESS),
+        "index": index,
+        "extinction": deck.positive(most=10.0),
+        "f0": deck.positive(most=1.0),
+        "cosine": deck.positive(most=1.0),
+        "other cosine": deck.positive(most=1.0),
+    }
 
 
 def scenes(deck: Deck) -> Cases:

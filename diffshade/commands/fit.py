@@ -86,36 +86,52 @@ def fit_capture(
     progress(f"reading {path}")
     import fitting
     from diffshade.io.read_capture import read_capture
-    from fitting.named_models import named_bounds, named_material
+    from fitting.named_models import MODELS, named_bounds, named_material
     from fitting.report import fit_to_json
 
     capture = read_capture(
         path, white=white, circle=circle, encoding=encoding, allow_outside=allow_outside
     )
+    if model == "auto" and hold:
+        raise WrongUsage("--hold: names coefficients of one model; give --model too, not auto")
     ambient = any(scene.ambient is not None for scene in capture.scenes)
-    material = named_material(model, ambient=ambient)
-    held = _held(material, hold, capture.images[0].shape[2])
     loaded = perf_counter()
     progress(f"fitting {len(capture.images)} images: compiling, which is kept, then searching")
+    observed = capture.images, capture.gbuffer, capture.scenes
+    options: dict[str, Any] = {
+        "robust": "tukey" if robust else None,
+        "valid": capture.valid,
+        "clipped": capture.clipped if censor else None,
+        "gains": gains,
+        "certify": certify,
+        "profiles": certify,
+        "devices": devices,
+    }
+    compared: tuple[fitting.Comparison, ...] = ()
     with naming(path):
-        found = fitting.fit(
-            capture.images,
-            capture.gbuffer,
-            capture.scenes,
-            material=held,
-            attenuation=capture.fit_attenuation,
-            hold=[name for name, _ in hold],
-            bounds=named_bounds(model),
-            robust="tukey" if robust else None,
-            valid=capture.valid,
-            clipped=capture.clipped if censor else None,
-            gains=gains,
-            certify=certify,
-            profiles=certify,
-            devices=devices,
-        )
+        if model == "auto":
+            progress(f"comparing {', '.join(MODELS)}")
+            laws = (capture.fit_attenuation,)
+            compared = fitting.compare(*observed, laws, materials=tuple(MODELS), **options)
+            found, model = compared[0].fit, compared[0].name
+        else:
+            material = named_material(model, ambient=ambient)
+            found = fitting.fit(
+                *observed,
+                material=_held(material, hold, capture.images[0].shape[2]),
+                attenuation=capture.fit_attenuation,
+                hold=[name for name, _ in hold],
+                bounds=named_bounds(model),
+                **options,
+            )
     seconds = {"load": loaded - started, "fit": perf_counter() - loaded}
-    return Fitted(capture, found, fit_to_json(found, capture, model=model, seconds=seconds))
+    document = fit_to_json(found, capture, model=model, seconds=seconds)
+    if compared:
+        document["compared"] = [
+            {"model": row.name, "bic": row.bic, "relative_residual": row.fit.relative_residual}
+            for row in compared
+        ]
+    return Fitted(capture, found, document)
 
 
 def _held(material: Material, hold: Sequence[Hold], channel_count: int) -> Material:

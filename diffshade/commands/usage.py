@@ -13,7 +13,7 @@ from diffshade.commands.console import WrongUsage
 __all__ = ["MODELS", "parse"]
 
 CAPTURE = "A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml."
-MODELS = ("phong", "blinn-phong", "lambert", "phong2")
+MODELS = ("phong", "blinn-phong", "lambert", "phong2", "ggx", "plastic", "plastic2")
 FLAGS = {
     "--robust": "Take the weight from outliers, such as shadows (Tukey's biweight).",
     "--censor": 'Use clipped pixels as what they say, "at least", in place of leaving them out.',
@@ -110,10 +110,12 @@ def _fit(parser: ArgumentParser) -> None:
     model = parser.add_argument_group("what is fitted, and how")
     model.add_argument(
         "--model",
-        choices=MODELS,
+        choices=(*MODELS, "auto"),
         default="phong",
-        help="Diffuse and ambient terms with this lobe; lambert has none, phong2 two highlights."
-        " (default: %(default)s)",
+        help="Diffuse and ambient terms with this lobe; lambert has none, phong2 two. ggx has"
+        " microfacets; plastic has them over a body that light enters and leaves through the same"
+        " boundary, plastic2 in two lobes. auto compares all, and takes the one that the images speak"
+        " for most. (default: %(default)s)",
     )
     model.add_argument(
         "--hold",
@@ -123,7 +125,7 @@ def _fit(parser: ArgumentParser) -> None:
         action="extend",
         default=[],
         help="Keep coefficients at a value, one number or one a channel: ka, kd, specular.ks,"
-        " specular.shininess (of one of two lobes: specular.0.ks).",
+        " specular.shininess (of one of two lobes: specular.0.ks), specular.alpha, body.index.",
     )
     for flag, does in FLAGS.items():
         model.add_argument(flag, action="store_true", help=does)

@@ -72,8 +72,8 @@ def within(folder: Path, name: str, *, allow_outside: bool) -> Path:
     path = folder / name
     try:
         inside = allow_outside or path.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError, ValueError):  # no file either: whoever reads it says so
-        return path
+    except (OSError, RuntimeError, ValueError):  # no file in it: whoever reads it says so
+        inside = not Path(name).is_absolute()
     if not inside:
         raise BadInput(
             f"{folder}: {name} lies outside this folder; move it there, or allow it (--allow-outside,"

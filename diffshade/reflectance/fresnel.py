@@ -32,13 +32,17 @@ def dielectric(cosine: Plane, index: Plane) -> Plane:
 
     (Cook and Torrance 1982) with c the cosine of the angle of incidence, in [0, 1], and the index of
     refraction beyond the boundary over that before it, above 0. Where g^2 <= 0 all is reflected: F = 1,
-    with derivative 0. g - c is (index^2 - 1) / (g + c), which loses nothing where media are alike.
+    with derivative 0. g - c is (index^2 - 1) / (g + c), which loses nothing where media are alike; of
+    an index of 1 nothing is reflected, and where it is seen along the surface, which reflects all with
+    the least change of the index, the derivative is 0.
     """
     beyond = (index - 1) * (index + 1)
     square = beyond + cosine * cosine
     g = guard.sqrt(square)
-    total = square <= 0
-    across = jnp.where(total, 1, g + cosine)  # 0 for an index of 1 at a grazing angle only
+    total = (square <= 0) & (beyond < 0)
+    across = jnp.where(total, 1, g + cosine)
+    # So small it is of an index of 1 only; the second derivative has its fourth power
+    across = jnp.where(across < guard.shortest(across) ** 0.6, 0, across)
     thin = guard.ratio(beyond, across)
     s = guard.ratio(thin, across)
     p = guard.ratio(cosine * across - 1, cosine * thin + 1)

@@ -19,6 +19,7 @@ FOUND = {
     "a name that is too long": ("obj", "v 0 0 0", f"mtllib {'a' * 300}\nusemtl a\nv 0 0 0", True),
     "one of an image": ("lp", "b.png", "b" * 300, False),
     "an absolute path": ("capture", '"a.png"', '"/a.png"', False),
+    "one that no file can have": ("filenames.txt", "a.png", "/a\0.png", False),
 }
 """The parser, the change of its valid file, and whether it is read then."""
 
