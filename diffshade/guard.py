@@ -21,6 +21,9 @@ and derivatives up to the second are then finite, forward and in reverse, for al
 | intensities, of either sign | up to 1e3 | up to 1e20 |
 | coefficients and colours, of either sign | up to 10 | up to 1e20 |
 | shininess | 0 to 1e5 | 0 to 1e5 |
+| roughness alpha of microfacets | 1e-3 to 2 | 1e-3 to 2 |
+| index of refraction | 0.1 to 10 | 0.1 to 10 |
+| extinction; reflectance f0 | 0 to 10; 0 to 1 | 0 to 10; 0 to 1 |
 | constants of attenuations | 0 to 1e6 | 0 to 1e40 |
 | denominators of linear attenuations, if not 0 | 1e-6 and more | 1e-40 and more |
 | edges of faces under `sphere_weights`, if not 0 | 1e-6 and more | 1e-40 and more |

@@ -292,6 +292,24 @@ def test_hold_and_model(capture: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert document["relative_residual"] > 0.01
 
 
+def test_auto_takes_what_the_images_speak_for(
+    capture: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from fitting import named_models
+
+    some = {name: named_models.MODELS[name] for name in ("lambert", "phong")}
+    monkeypatch.setattr(named_models, "MODELS", some)
+    assert run(["fit", str(capture), "--model", "auto", "--json"]) == 0
+    document = strict_json(capsys.readouterr().out)
+    assert document["model"] == "phong"
+    first, second = document["compared"]
+    assert (first["model"], second["model"]) == ("phong", "lambert")
+    assert first["bic"] < second["bic"]
+    assert first["relative_residual"] == document["relative_residual"]
+    assert run(["fit", str(capture), "--model", "auto", "--hold", "ka=0"]) == 2
+    assert "names coefficients of one model" in capsys.readouterr().err
+
+
 def test_a_search_that_does_not_converge_is_status_1(
     capture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
