@@ -4,10 +4,8 @@ Titles hold mathematics between dollar signs, as Matplotlib and Markdown read it
 drawn: an image is linear radiance [H, W, C], as `render` gives it.
 """
 
-import re
 from collections.abc import Callable, Iterable
-from dataclasses import fields, replace
-from operator import attrgetter
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -21,6 +19,7 @@ from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.parallel import ParallelLight
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.names import coefficient, coefficient_names, of_every_lobe
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
 from diffshade.shading.render import render
@@ -35,7 +34,18 @@ __all__ = [
     "vary",
 ]
 
-SYMBOLS = {"ka": "k_a", "kd": "k_d", "ks": "k_s", "shininess": "n", "od": "O_d", "os": "O_s"}
+SYMBOLS = {
+    "ka": "k_a",
+    "kd": "k_d",
+    "ks": "k_s",
+    "shininess": "n",
+    "od": "O_d",
+    "os": "O_s",
+    "alpha": r"\alpha",
+    "index": r"\eta",
+    "extinction": r"\kappa",
+    "f0": "F_0",
+}
 """Coefficients as the texts write them."""
 
 
@@ -60,8 +70,9 @@ def composition(gbuffer: GBuffer, scene: Scene, material: Material) -> list[Pict
     """
     lit = bool(scene.lights)
     matte = replace(material, specular=())
+    dull = replace(matte, kd=None, body=None)
     terms = (
-        ("ambient", scene.ambient is not None and material.ka is not None, replace(matte, kd=None)),
+        ("ambient", scene.ambient is not None and material.ka is not None, dull),
         ("diffuse", lit and material.kd is not None, matte),
         ("specular", lit and bool(material.specular), material),
     )
@@ -173,25 +184,14 @@ def lit_from(
 
 def _coefficients(material: Material, name: str) -> Callable[[Material], list[Array]]:
     """Where the coefficients of a name are in a material."""
-    known: dict[str, Callable[[Material], Array]] = {
-        field: attrgetter(field)
-        for field in ("ka", "kd", "od", "os")
-        if getattr(material, field) is not None
-    }
-    for j, lobe in enumerate(material.specular):
-        for field in fields(lobe):
-            known[f"specular.{j}.{field.name}"] = _of_lobe(j, field.name)
-    chosen = [get for full, get in known.items() if name in (full, re.sub(r"\.\d+", "", full))]
+    known = coefficient_names(material)
+    chosen = [full for full in known if name in (full, of_every_lobe(full))]
     if not chosen:
         raise BadInput(
             f"the coefficient to vary is {name!r}, which this material lacks: it has"
             f" {', '.join(known) or 'none'}"
         )
-    return lambda material: [get(material) for get in chosen]
-
-
-def _of_lobe(j: int, field: str) -> Callable[[Material], Array]:
-    return lambda material: getattr(material.specular[j], field)
+    return lambda material: [coefficient(material, full) for full in chosen]
 
 
 def _brief(value: Float[Array, "..."]) -> str:

@@ -10,9 +10,10 @@ from jaxtyping import Bool, Float, Int
 
 from diffshade.errors import BadInput
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.names import coefficient
 from fitting.arrays import Array
 from fitting.gauge import Node, PolynomialGauge
-from fitting.model import Model, coefficient, full_names, linear_names
+from fitting.model import Model, full_names, linear_names
 from fitting.shapes import SHAPES, shape_names, shape_of
 
 __all__ = ["Bounds", "Grid", "Limits", "ceiling_grid", "limits"]

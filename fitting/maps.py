@@ -14,12 +14,13 @@ from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.names import coefficient
 from diffshade.scene import Scene
 from fitting.blocks import Arrays, Folder, Progress, fingerprint, in_blocks
 from fitting.inputs import match
 from fitting.limits import Bounds
 from fitting.map_planes import MapPlanes, map_names, width
-from fitting.model import coefficient, default_material
+from fitting.model import default_material
 from fitting.pixel_maps import PixelWork, settings
 from fitting.region_maps import RegionWork, region_labels
 from fitting.residual import ratio

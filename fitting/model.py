@@ -20,6 +20,7 @@ from diffshade.channels import Channels
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.names import coefficient, of_every_lobe
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
 from fitting.arrays import Array
@@ -29,7 +30,6 @@ from fitting.shapes import boundaries, shape_names
 
 __all__ = [
     "Model",
-    "coefficient",
     "default_material",
     "full_names",
     "held_names",
@@ -256,7 +256,7 @@ def held_names(
 
 def full_names(name: str, known: tuple[str, ...], where: str) -> tuple[str, ...]:
     """The known names that one stands for: itself, or "specular.ks" for that of every lobe."""
-    of_lobes = tuple(n for n in known if _of_every_lobe(n) == name)
+    of_lobes = tuple(n for n in known if of_every_lobe(n) == name)
     found = (name,) if name in known else of_lobes
     if not found:
         raise BadInput(
@@ -265,18 +265,5 @@ def full_names(name: str, known: tuple[str, ...], where: str) -> tuple[str, ...]
     return found
 
 
-def coefficient(material: Material, name: str) -> Any:
-    """A coefficient by its full name: an array, or what stands for one inside `tree_at`."""
-    part: Any = material
-    for step in name.split("."):
-        part = part[int(step)] if step.isdigit() else getattr(part, step)
-    return part
-
-
 def _all_of(names: tuple[str, ...], material: Material) -> list[Any]:
     return [coefficient(material, name) for name in names]
-
-
-def _of_every_lobe(name: str) -> str:
-    """The name without the number of its lobe."""
-    return ".".join(step for step in name.split(".") if not step.isdigit())

@@ -127,9 +127,10 @@ def settings(material: Material, bounds: Bounds, steps: int | None) -> Settings:
             f"the material has {len(material.specular)} lobes: give fit_maps one with a shininess,"
             " or regions, which may have any number"
         )
-    if material.body is not None:
+    if material.body is not None or getattr(material.specular[0], "weight", None) is not None:
         raise BadInput(
-            "the material has a body under a boundary: give fit_maps one without, or regions"
+            "the material has a body under a boundary, or a lobe with a weight: give fit_maps one"
+            " without, or regions"
         )
     names = map_names(material)
     given = {full: pair for n, pair in bounds.items() for full in full_names(n, names, "bounds")}

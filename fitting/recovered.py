@@ -9,9 +9,10 @@ from jaxtyping import Float
 
 from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.names import coefficient
 from fitting.arrays import Array
 from fitting.gauge import PolynomialGauge
-from fitting.model import Model, coefficient, linear_names
+from fitting.model import Model, linear_names
 from fitting.shapes import shape_names
 
 __all__ = ["Recovery", "clamped_within"]

@@ -214,12 +214,17 @@ def _shaped(fit: Fit, value: Callable[[str], Any], distance: float | None) -> di
 
 
 def _part_to_json(part: Any, path: str, value: Callable[[str], Any]) -> dict[str, Any]:
-    """A lobe, its boundary, or a body: its kind, its coefficients by name, and what else it has."""
+    """A lobe, its boundary, or a body: its kind, its coefficients by name, and what else it has.
+
+    A part that is absent is left out.
+    """
     found: dict[str, Any] = {"kind": part.kind}
     for field in fields(part):
         own = getattr(part, field.name)
-        if isinstance(own, str | bool) or own is None:
+        if isinstance(own, str | bool):
             found[field.name] = own
+        elif own is None:
+            continue
         elif hasattr(own, "kind"):
             found[field.name] = _part_to_json(own, f"{path}.{field.name}", value)
         else:

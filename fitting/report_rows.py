@@ -58,7 +58,7 @@ def _numbers(part: Document) -> Iterator[tuple[str, ...]]:
     for key, value in part.items():
         if isinstance(value, Mapping):
             yield from ((key, *path) for path in _numbers(value))
-        elif not isinstance(value, str | bool) and key not in ("fresnel", "masking"):
+        elif not isinstance(value, str | bool):
             yield (key,)
 
 

@@ -1,20 +1,16 @@
 """The coefficients that shape a lobe or a body: where each may lie, and where a search begins.
 
 The image is not linear in them. All are above 0 and searched on a logarithmic scale, on which their
-errors are the more nearly normal. Names are paths into a material: "specular.0.alpha",
-"specular.0.fresnel.index", "body.index".
+errors are the more nearly normal.
 """
 
-from collections.abc import Iterator
-from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import numpy as np
 
 from diffshade.reflectance.fresnel import Dielectric
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.names import coefficient_names
 
 __all__ = ["SHAPES", "Shape", "boundaries", "is_shape", "shape_names", "shape_of"]
 
@@ -51,10 +47,7 @@ def is_shape(name: str) -> bool:
 
 def shape_names(material: Material) -> tuple[str, ...]:
     """Those of a material: its lobes', one after the other, and its body's."""
-    lobes = (
-        name for j, lobe in enumerate(material.specular) for name in _paths(lobe, f"specular.{j}")
-    )
-    return (*(name for name in lobes if is_shape(name)), *_paths(material.body, "body"))
+    return tuple(filter(is_shape, coefficient_names(material)))
 
 
 def boundaries(material: Material) -> tuple[str, ...]:
@@ -63,16 +56,9 @@ def boundaries(material: Material) -> tuple[str, ...]:
     Light is mirrored by it and passes it: those of dielectric lobes and of the body are one number.
     """
     lobes = (
-        f"specular.{j}.fresnel.index"
+        f"specular.{j}.{part}.index"
         for j, lobe in enumerate(material.specular)
-        if isinstance(getattr(lobe, "fresnel", None), Dielectric)
+        for part in ("fresnel", "weight")
+        if isinstance(getattr(lobe, part, None), Dielectric)
     )
     return (*lobes, *(() if material.body is None else ("body.index",)))
-
-
-def _paths(part: Any, path: str) -> Iterator[str]:
-    if isinstance(part, eqx.Module):
-        for field in fields(part):
-            yield from _paths(getattr(part, field.name), f"{path}.{field.name}")
-    elif isinstance(part, jax.Array | np.ndarray):
-        yield path

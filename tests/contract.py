@@ -139,7 +139,7 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("PointLight",): shaded(point_light, ds.Phong, eye=False),
     ("ParallelLight",): shaded(parallel_light, ds.Phong),
     ("Phong",): shaded(quadratic, ds.Phong),
-    ("BlinnPhong",): shaded(quadratic, ds.BlinnPhong),
+    ("BlinnPhong",): shaded(quadratic, partial(ds.BlinnPhong, weight=ds.Dielectric(1.3))),
     ("Material",): shaded(parallel_light, ds.Phong, ds.BlinnPhong, eye=False),
     ("Scene",): shaded(lambda case: (point_light(case), parallel_light(case))),
     ("QuadraticAttenuation",): attenuated(ds.QuadraticAttenuation),

@@ -135,7 +135,7 @@ class TestVary:
 
     @pytest.mark.parametrize("name", ["ks", "os", "specular", "specular.1.ks", "specular.alpha"])
     def test_a_coefficient_that_the_material_lacks(self, name: str) -> None:
-        with pytest.raises(ds.BadInput, match=r"lacks: it has ka, kd, od, specular\.0\.ks"):
+        with pytest.raises(ds.BadInput, match=r"lacks: it has ka, kd, specular\.0\.ks"):
             gallery.vary(BALL, SCENE, MATERIAL, name, [0.1])
 
 

@@ -139,7 +139,8 @@ def _held(material: Material, hold: Sequence[Hold], channel_count: int) -> Mater
     import equinox as eqx
     import jax.numpy as jnp
 
-    from fitting.model import coefficient, held_names
+    from diffshade.reflectance.names import coefficient
+    from fitting.model import held_names
     from fitting.shapes import is_shape
 
     for name, values in hold:

@@ -6,7 +6,8 @@
     { kind = "fresnel", index = 1.5 }                            # a body
 
 Beside "ggx" are "beckmann", with an optional `rational`, and "torrance_sparrow"; beside "dielectric" are
-"conductor", of `index` and `extinction`, and "schlick", of `f0`. `masking` and `fresnel` are optional.
+"conductor", of `index` and `extinction`, and "schlick", of `f0`. `masking` and `fresnel` are optional,
+as is the `weight` of the others, a table like `fresnel`.
 """
 
 from __future__ import annotations
@@ -33,9 +34,10 @@ def read_lobe(table: Table) -> AbstractLobe:
     facets = {kind.kind: kind for kind in (GGX, Beckmann, TorranceSparrow)}
     kind = table.choice("kind", (*powers, *facets))
     if kind in powers:
-        table.expect(("kind", "ks", "shininess"))
+        table.expect(("kind", "ks", "shininess"), ("weight",))
+        weight = _fresnel(table.table("weight")) if "weight" in table else None
         with table.naming():
-            return powers[kind](table.per_channel("ks"), table.per_channel("shininess"))
+            return powers[kind](table.per_channel("ks"), table.per_channel("shininess"), weight)
     more = ("rational",) if kind == Beckmann.kind else ()
     table.expect(("kind", "ks", "alpha"), ("fresnel", "masking", *more))
     given: dict[str, Any] = {}
@@ -63,8 +65,9 @@ def per_channel_keys(lobe_or_body: Table) -> list[tuple[Table, str]]:
     """What may have one number a channel, and where it stands."""
     keys = ("ks", "shininess", "alpha", "index", "extinction", "f0")
     found = [(lobe_or_body, key) for key in keys if key in lobe_or_body]
-    if "fresnel" in lobe_or_body:
-        found += per_channel_keys(lobe_or_body.table("fresnel"))
+    for key in ("fresnel", "weight"):
+        if key in lobe_or_body:
+            found += per_channel_keys(lobe_or_body.table(key))
     return found
 
 

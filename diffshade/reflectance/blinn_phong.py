@@ -2,15 +2,13 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.arrays import coefficients, positive
 from diffshade.bounds import Cone, largest_cosine, smallest_cosine
-from diffshade.channels import channels
-from diffshade.reflectance.lobe import AbstractLobe, log_cosine
+from diffshade.reflectance.lobe import log_cosine
+from diffshade.reflectance.power import AbstractPower
 from diffshade.vector import Vec3, halfway
 
 __all__ = ["BlinnPhong", "blinn_phong"]
@@ -29,10 +27,9 @@ def blinn_phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> 
     return guard.power_of_log(log_cosine(n, halfway(l, v), n_dot_l), shininess)
 
 
-class BlinnPhong(AbstractLobe):
-    """I_p k_s max(0, n.h)^n: `ks` in [0, 1], `shininess` n >= 0, the form of OpenGL and of .mtl files.
+class BlinnPhong(AbstractPower):
+    """I_p k_s max(0, n.h)^n, the form of OpenGL and of .mtl files; has what every `AbstractPower` has.
 
-    Each is one number, one a channel [C], or a map over a G-buffer's pixels [C or 1, P].
     The angle between n and h is half that between r and v when n lies between l and v, so the
     exponent that looks like a Phong lobe's is about 4 times as large.
 
@@ -40,20 +37,15 @@ class BlinnPhong(AbstractLobe):
     0
     """
 
-    ks: Float[Array, "..."] = eqx.field(converter=coefficients("ks"))
-    shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "blinn_phong"
-    convex: ClassVar[bool] = True
 
-    def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
-        """log(n.h), minus infinity where the lobe is dark."""
-        return log_cosine(n, halfway(l, v), n_dot_l)
+    def between(self, n: Vec3, l: Vec3, v: Vec3) -> tuple[Vec3, Vec3]:
+        return n, halfway(l, v)
 
-    def at(self, angles: Plane) -> tuple[Plane, ...]:
-        return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))
-
-    def most(self, n: Cone, l: Cone, v: Cone) -> Plane:
+    def most(self, n: Cone, l: Cone, v: Cone) -> Plane | None:
         """max(0, n.h)^n with n.h = (n.l + n.v) / |l + v|: largest above, smallest below, the least n."""
+        if self.weight is not None:
+            return None
         shortest = guard.sqrt(2 + 2 * smallest_cosine(l, v))
         sum_of_cosines = largest_cosine(n, l) + largest_cosine(n, v)
         cosine = jnp.where(

@@ -2,14 +2,12 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.arrays import coefficients, positive
 from diffshade.bounds import Cone, largest_cosine, reflected
-from diffshade.channels import channels
-from diffshade.reflectance.lobe import AbstractLobe, log_cosine
+from diffshade.reflectance.lobe import log_cosine
+from diffshade.reflectance.power import AbstractPower
 from diffshade.vector import Vec3, reflect
 
 __all__ = ["Phong", "phong"]
@@ -28,28 +26,22 @@ def phong(n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane, shininess: Plane) -> Plane:
     return guard.power_of_log(log_cosine(reflect(l, n), v, n_dot_l), shininess)
 
 
-class Phong(AbstractLobe):
-    """I_p k_s max(0, r.v)^n (LIGHT-5): `ks` in [0, 1], `shininess` n >= 0.
+class Phong(AbstractPower):
+    """I_p k_s max(0, r.v)^n (LIGHT-5); has what every `AbstractPower` has: `ks`, `shininess`, a `weight`.
 
-    Each is one number, one a channel [C], or a map over a G-buffer's pixels [C or 1, P].
     The exponent of a Blinn-Phong highlight of the same width is about 4 times as large.
 
     >>> Phong(ks=0.5, shininess=32).shininess.ndim
     0
     """
 
-    ks: Float[Array, "..."] = eqx.field(converter=coefficients("ks"))
-    shininess: Float[Array, "..."] = eqx.field(converter=positive("shininess"))
     kind: ClassVar[str] = "phong"
-    convex: ClassVar[bool] = True
 
-    def angles(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> Plane:
-        """log(r.v), minus infinity where the lobe is dark."""
-        return log_cosine(reflect(l, n), v, n_dot_l)
+    def between(self, n: Vec3, l: Vec3, v: Vec3) -> tuple[Vec3, Vec3]:
+        return reflect(l, n), v
 
-    def at(self, angles: Plane) -> tuple[Plane, ...]:
-        return tuple(guard.power_of_log(angles, exponent) for exponent in channels(self.shininess))
-
-    def most(self, n: Cone, l: Cone, v: Cone) -> Plane:
+    def most(self, n: Cone, l: Cone, v: Cone) -> Plane | None:
         """max(0, r.v)^n for the r and v that are nearest, and the least n."""
+        if self.weight is not None:
+            return None
         return guard.power(largest_cosine(reflected(l, n), v), self.shininess.min())

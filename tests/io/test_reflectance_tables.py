@@ -42,6 +42,13 @@ def test_other_boundaries(fresnel: str, kind: type, tmp_path: Path) -> None:
     assert isinstance(found.fresnel, kind)
 
 
+def test_a_weight(tmp_path: Path) -> None:
+    (found,) = read(
+        tmp_path, (PHONG, PHONG + '\nweight = { kind = "schlick", f0 = 0.04 }')
+    ).material.specular
+    assert isinstance(found.weight, ds.Schlick)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
