@@ -54,6 +54,7 @@ from diffshade.fusion import search_options
 from diffshade.geometry import normals
 from diffshade.reflectance import (
     blinn_phong,
+    conversion,
     distribution,
     fresnel,
     lambert,
@@ -75,6 +76,11 @@ NO_FLOATS = {
     "transfer.levels_needed": "computed on the host",
     "transfer.look_up_table": "computed on the host",
     "guard.shortest": "a constant of a type",
+    **dict.fromkeys(
+        (f"conversion.to_{name}" for name in ("beckmann", "blinn_phong", "ggx", "phong")),
+        "makes a lobe of another, whose coefficients it has by the other functions",
+    ),
+    "conversion.difference": "the largest over many directions: to be read, not descended",
     "fresnel.AbstractFresnel": "the class of its three kinds",
     "BadInput": "an exception",
     "compiler_options": "options of a compiler",
@@ -87,7 +93,7 @@ def exported() -> Iterator[str]:
     """The public names: of the package, and of the modules that formulas are read in."""
     modules: tuple[ModuleType, ...] = (
         *(ds, guard, vector, normals, lambert, phong, blinn_phong),
-        *(distribution, fresnel, masking),
+        *(conversion, distribution, fresnel, masking),
         *(cie, device, interpolate, srgb, transfer),
     )
     for module in modules:
@@ -234,6 +240,10 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
         (f"masking.{name}",): of_angles(getattr(masking, name), "cosine", "alpha")
         for name in ("ggx_shadow", "beckmann_shadow", "rational_beckmann_shadow")
     },
+    ("conversion.alpha_of",): of_angles(conversion.alpha_of, "shininess"),
+    ("conversion.exponent_of",): of_angles(conversion.exponent_of, "alpha"),
+    ("conversion.plain",): of_angles(conversion.plain, "f0", "shininess"),
+    ("conversion.normalised",): of_angles(conversion.normalised, "f0", "shininess"),
     ("masking.separable",): of_angles(smith(masking.separable), *SMITH),
     ("masking.height_correlated",): of_angles(smith(masking.height_correlated), *SMITH),
     ("masking.v_groove",): Contract(grooved, of_grooves),
