@@ -16,8 +16,13 @@ from .light.attenuation import InverseSquare as InverseSquare
 from .light.attenuation import LinearAttenuation as LinearAttenuation
 from .light.attenuation import QuadraticAttenuation as QuadraticAttenuation
 from .light.attenuation import Windowed as Windowed
+from .light.distributed import DiscLight as DiscLight
+from .light.distributed import LineLight as LineLight
+from .light.distributed import RectangleLight as RectangleLight
+from .light.distributed import SphereLight as SphereLight
 from .light.parallel import ParallelLight as ParallelLight
 from .light.point import PointLight as PointLight
+from .light.spot import SpotLight as SpotLight
 from .reflectance.blinn_phong import BlinnPhong as BlinnPhong
 from .reflectance.body import FresnelBody as FresnelBody
 from .reflectance.fresnel import Conductor as Conductor
@@ -34,6 +39,7 @@ from .shading.basis import basis as basis
 from .shading.basis import contract as contract
 from .shading.kept_geometry import KeptGeometry as KeptGeometry
 from .shading.kept_geometry import keep_geometry as keep_geometry
+from .shading.quadrature import resolved as resolved
 from .shading.render import mean_squared_error as mean_squared_error
 from .shading.render import render as render
 from .shading.sharded import Sharded as Sharded

@@ -7,19 +7,22 @@ from jaxtyping import Array, Float
 
 from diffshade.arrays import floats, optional
 from diffshade.light.base import AbstractLight
+from diffshade.light.distributed import AbstractEmitter
 
 __all__ = ["Scene"]
 
 
 def _lights(lights: Any) -> tuple[AbstractLight, ...]:
-    return (lights,) if isinstance(lights, AbstractLight) else tuple(lights)
+    given = (lights,) if isinstance(lights, AbstractLight | AbstractEmitter) else tuple(lights)
+    each = ((x,) if isinstance(x, AbstractLight) else x.elements() for x in given)
+    return tuple(light for elements in each for light in elements)
 
 
 class Scene(eqx.Module):
     """Ambient light of intensity I_a (LIGHT-1), and any number of lights.
 
     `ambient` is one number, one a channel, or None for no ambient light at all. It is counted once,
-    whatever the number of lights.
+    whatever the number of lights. A light with extent is held as the elements that it is the sum of.
 
     >>> from diffshade.light.parallel import ParallelLight
     >>> len(Scene(ambient=0.1, lights=ParallelLight(direction=(0, 0, 1))).lights)

@@ -10,7 +10,7 @@ from diffshade.devices import Devices, mesh_over
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import AbstractAttenuation, InverseSquare, Windowed
-from diffshade.light.point import PointLight
+from diffshade.light.point import AbstractPointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt, attempted, searched
@@ -226,7 +226,7 @@ def _held_law(
         light.attenuation
         for photograph in photographs
         for light in photograph.scene.lights
-        if isinstance(light, PointLight) and isinstance(light.attenuation, attenuation)
+        if isinstance(light, AbstractPointLight) and isinstance(light.attenuation, attenuation)
     ]
     if not laws:
         raise BadInput(
@@ -251,7 +251,7 @@ def _held_law(
 def _reference_distance(observed: Observed) -> float:
     """How far the lit points lie from the lights whose attenuation is asked for."""
     for stack in observed.stacks:
-        points = any(isinstance(kind, PointLight) for kind in stack.lights)
+        points = any(isinstance(kind, AbstractPointLight) for kind in stack.lights)
         if points and stack.gbuffer.position is None:
             raise BadInput(
                 "an attenuation is asked for, and the G-buffer has normals only, no positions"

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffshade.light.attenuation import AbstractAttenuation
-from diffshade.light.point import PointLight
+from diffshade.light.point import AbstractPointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt
@@ -300,9 +300,9 @@ def _exponents(model: Model) -> dict[int, int]:
 def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:
     """The scene with an attenuation that is known to be valid: nothing is checked or converted."""
     return eqx.tree_at(
-        lambda s: [x.attenuation for x in s.lights if isinstance(x, PointLight)],
+        lambda s: [x.attenuation for x in s.lights if isinstance(x, AbstractPointLight)],
         scene,
-        [law for light in scene.lights if isinstance(light, PointLight)],
+        [law for light in scene.lights if isinstance(light, AbstractPointLight)],
         is_leaf=lambda x: x is None,
     )
 

@@ -144,9 +144,12 @@ def _problem(
     for slot in lamps.slots:
 
         def arrives(light: AbstractLight) -> tuple[Array, Array, Array | None]:
-            l, distance = light.incidence(position)
+            l, distance, emission = light.incidence(position)
             n_dot_l = dot(n, l)
-            return lambert(n_dot_l), lobe.angles(n, l, v, n_dot_l), light.falloff(distance)
+            f = light.falloff(distance)
+            if emission is not None:
+                f = emission if f is None else emission * f
+            return lambert(n_dot_l), lobe.angles(n, l, v, n_dot_l), f
 
         cosine, angle, f = jax.vmap(arrives)(slot)
         used = weight if f is None else weight * f

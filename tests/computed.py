@@ -77,6 +77,25 @@ def parallel_light(case: dict[str, Any]) -> ds.ParallelLight:
     return ds.ParallelLight(case["direction"], case["intensity"])
 
 
+def spot_light(case: dict[str, Any]) -> ds.SpotLight:
+    """One there that shines the other way."""
+    shining = -case["direction"], case["intensity"], case["shininess"]
+    return ds.SpotLight(case["place"], *shining, attenuation=law(ds.QuadraticAttenuation, case))
+
+
+def glowing(kind: str, case: dict[str, Any]) -> Any:
+    """A light with extent there, of two samples along a side."""
+    place, side, radiance = case["place"], case["direction"], case["intensity"]
+    end = jnp.clip(place + side, -1e6, 1e6)
+    emitters: dict[str, Callable[[], Any]] = {
+        "Rectangle": lambda: ds.RectangleLight(place, side, jnp.roll(side, 1), radiance, 2),
+        "Disc": lambda: ds.DiscLight(place, side, case["reach"], radiance, 2),
+        "Sphere": lambda: ds.SphereLight(place, case["reach"], radiance, 2),
+        "Line": lambda: ds.LineLight(place, end, radiance, 2),
+    }
+    return emitters[kind]()
+
+
 def material(case: dict[str, Any], *lobes: type[Any]) -> ds.Material:
     """Everything that a material can have."""
     specular = tuple(lobe(case["ks"], case["shininess"]) for lobe in lobes)

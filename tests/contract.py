@@ -22,6 +22,7 @@ from computed import (
     faceted,
     from_basis,
     gbuffer,
+    glowing,
     grooved,
     kept,
     lobe,
@@ -42,6 +43,7 @@ from computed import (
     powers,
     shaded,
     smith,
+    spot_light,
     triangles,
 )
 from jax.flatten_util import ravel_pytree
@@ -80,6 +82,7 @@ NO_FLOATS = {
         (f"conversion.to_{name}" for name in ("beckmann", "blinn_phong", "ggx", "phong")),
         "makes a lobe of another, whose coefficients it has by the other functions",
     ),
+    "resolved": "chooses a number of samples; what it returns is an emitter",
     "conversion.difference": "the largest over many directions: to be read, not descended",
     "fresnel.AbstractFresnel": "the class of its three kinds",
     "BadInput": "an exception",
@@ -147,6 +150,11 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("Phong",): shaded(quadratic, ds.Phong),
     ("BlinnPhong",): shaded(quadratic, partial(ds.BlinnPhong, weight=ds.Dielectric(1.3))),
     ("Material",): shaded(parallel_light, ds.Phong, ds.BlinnPhong, eye=False),
+    ("SpotLight",): shaded(spot_light, ds.Phong),
+    **{
+        (f"{kind}Light",): shaded(partial(glowing, kind))
+        for kind in ("Rectangle", "Disc", "Sphere", "Line")
+    },
     ("Scene",): shaded(lambda case: (point_light(case), parallel_light(case))),
     ("QuadraticAttenuation",): attenuated(ds.QuadraticAttenuation),
     ("LinearAttenuation",): attenuated(ds.LinearAttenuation),

@@ -78,6 +78,7 @@ def read_capture_toml(
     for of_image in lights:
         for light in of_image:
             channel_count(light, "intensity", channels)
+            channel_count(light, "radiance", channels)
     if camera is not None and (camera.height, camera.width) != (height, width):
         top.fail(
             f"the camera has {camera.width} x {camera.height} pixels where {first} is"

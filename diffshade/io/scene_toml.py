@@ -133,7 +133,7 @@ def _material(table: Table) -> Material:
 
 def _one_channel_count(top: Table, lights: list[Table]) -> None:
     """Refuse lists of different lengths: one number a channel of one image."""
-    tables = [(top, "ambient"), *((light, "intensity") for light in lights)]
+    tables = [(top, "ambient"), *((x, key) for x in lights for key in ("intensity", "radiance"))]
     if "material" in top:
         material = top.table("material")
         tables += [(material, key) for key in ("ka", "kd", "od", "os")]

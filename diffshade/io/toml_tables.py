@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
     from diffshade.geometry.surface import AbstractSurface
     from diffshade.light.attenuation import AbstractAttenuation
-    from diffshade.light.base import AbstractLight
+    from diffshade.light.distributed import AbstractEmitter
 
 __all__ = [
     "View",
@@ -55,27 +55,89 @@ def read_view(top: Table) -> View:
     return View(geometry, None, notes)
 
 
-def read_light(table: Table) -> AbstractLight:
-    """`{ kind = "point" | "parallel", intensity, ... }`.
+def read_light(table: Table) -> Any:
+    """`{ kind = "point" | "spot" | "parallel" | "rectangle" | "disc" | "sphere" | "line", ... }`.
 
+    A light, or one with extent: what `ds.Scene` takes.
     A light that `asks_for_fit` gets f = 1, where the fit of the constants starts.
     """
     from diffshade.light.parallel import ParallelLight
     from diffshade.light.point import PointLight
+    from diffshade.light.spot import SpotLight
 
-    if table.choice("kind", ("point", "parallel")) == "point":
-        table.expect(("kind", "position", "intensity"), ("attenuation",))
-        attenuation = None
-        if "attenuation" in table:
-            attenuation = _attenuation(table.table("attenuation"))
-        with table.naming():
-            return PointLight(table.vector("position"), table.per_channel("intensity"), attenuation)
-    table.expect(("kind", "direction", "intensity"))
-    direction = table.vector("direction")
-    if not any(direction):
-        table.fail("direction is zero; give the direction from the surface to the light")
+    match table.choice("kind", ("point", "spot", "parallel", *_EXTENDED)):
+        case "point":
+            table.expect(("kind", "position", "intensity"), ("attenuation",))
+            attenuation = _attenuation_of(table)
+            with table.naming():
+                place, intensity = table.vector("position"), table.per_channel("intensity")
+                return PointLight(place, intensity, attenuation)
+        case "spot":
+            optional = ("exponent", "cutoff", "attenuation")
+            table.expect(("kind", "position", "direction", "intensity"), optional)
+            given = {key: table.number(key, least=0.0) for key in optional[:2] if key in table}
+            attenuation = _attenuation_of(table)
+            direction = _direction(table, "direction", "the direction in which the light shines")
+            with table.naming():
+                return SpotLight(
+                    position=table.vector("position"),
+                    direction=direction,
+                    intensity=table.per_channel("intensity"),
+                    attenuation=attenuation,
+                    **given,
+                )
+        case "parallel":
+            table.expect(("kind", "direction", "intensity"))
+            towards = _direction(table, "direction", "the direction from the surface to the light")
+            with table.naming():
+                return ParallelLight(towards, table.per_channel("intensity"))
+        case kind:
+            return _extended(table, kind)
+
+
+_EXTENDED = {
+    "rectangle": ("center", "u", "v"),
+    "disc": ("center", "normal", "radius"),
+    "sphere": ("center", "radius"),
+    "line": ("start", "end"),
+}
+"""Lights with extent, and what says where each is."""
+
+
+def _extended(table: Table, kind: str) -> AbstractEmitter:
+    from diffshade.light import distributed as d
+
+    types: dict[str, Any] = {
+        "rectangle": d.RectangleLight,
+        "disc": d.DiscLight,
+        "sphere": d.SphereLight,
+        "line": d.LineLight,
+    }
+    table.expect(("kind", *_EXTENDED[kind], "radiance"), ("samples",))
+    given: dict[str, Any] = {
+        key: table.number(key, above=0.0) if key == "radius" else table.vector(key)
+        for key in _EXTENDED[kind]
+    }
+    if "samples" in table:
+        given["samples"] = table.whole("samples")
+        if given["samples"] > _MOST_SAMPLES:
+            table.fail(f"samples is {given['samples']}; give at most {_MOST_SAMPLES} along a side")
     with table.naming():
-        return ParallelLight(direction, table.per_channel("intensity"))
+        return types[kind](radiance=table.per_channel("radiance"), **given)
+
+
+_MOST_SAMPLES = 64
+
+
+def _direction(table: Table, key: str, what: str) -> Any:
+    direction = table.vector(key)
+    if not any(direction):
+        table.fail(f"{key} is zero; give {what}")
+    return direction
+
+
+def _attenuation_of(table: Table) -> AbstractAttenuation | None:
+    return _attenuation(table.table("attenuation")) if "attenuation" in table else None
 
 
 def asks_for_fit(light: Table) -> str | None:
@@ -99,10 +161,11 @@ def channel_count(table: Table, key: str, images: int) -> None:
 def refuse_near_lights(geometry: AbstractSurface | NormalMap, lights: list[Table]) -> None:
     """Refuse point lights on a map of normals that has no positions."""
     for light in lights:
-        if isinstance(geometry, NormalMap) and geometry.position is None and "position" in light:
+        near = {"position", "center", "start"} & set(light.values)
+        if isinstance(geometry, NormalMap) and geometry.position is None and near:
             light.fail(
-                f"a point light needs positions, and {geometry.path.name} holds normals only; give"
-                " an .npz with position, or parallel lights"
+                f"a {light.values['kind']} light needs positions, and {geometry.path.name} holds"
+                " normals only; give an .npz with position, or parallel lights"
             )
 
 

@@ -17,11 +17,13 @@ Plane = Float[Array, "..."]
 class Incidence(NamedTuple):
     """From where light arrives: the unit vector l towards the source, and the distance to it.
 
-    `distance` is None where the light's intensity does not depend on it.
+    `distance` is None where the light's intensity does not depend on it. `emission` is a factor on
+    the intensity, at most 1, of a light that does not shine the same to all sides; else None.
     """
 
     l: Vec3
     distance: Plane | None
+    emission: Plane | None = None
 
 
 class Incoming(NamedTuple):

@@ -11,30 +11,16 @@ from diffshade.light.attenuation import AbstractAttenuation, Windowed
 from diffshade.light.base import AbstractLight, Incidence, Incoming
 from diffshade.vector import Vec3, dot
 
-__all__ = ["PointLight"]
+__all__ = ["AbstractPointLight", "PointLight"]
 
 Plane = Float[Array, "..."]
 
 
-class PointLight(AbstractLight):
-    """A light at a position: s = position - P, d = |s|, l = s / d (LIGHT-3a to 3c).
+class AbstractPointLight(AbstractLight):
+    """A light at a position, with an attenuation f(d)."""
 
-    `intensity` is I_p, one number or one a channel, in any unit of radiance. `attenuation` is a
-    factor f(d) on it; None means f = 1, and the distance is not computed. At a point that coincides
-    with the light, up to 5e-7 units of length in float32 and 5e-52 in float64, l is zero: the point
-    receives nothing, and every derivative there is 0.
-
-    >>> PointLight(position=(5, 20, 30), intensity=(1, 1, 1)).position.shape
-    (3,)
-    """
-
-    position: Float[Array, "3"] = eqx.field(  # type: ignore[misc]
-        converter=vector("the light's position")
-    )
-    intensity: Float[Array, "..."] = eqx.field(
-        converter=floats("the light's intensity"), default=1.0
-    )
-    attenuation: AbstractAttenuation | None = None
+    position: eqx.AbstractVar[Float[Array, "3"]]
+    attenuation: eqx.AbstractVar[AbstractAttenuation | None]
 
     @property
     def is_finite(self) -> bool:
@@ -61,3 +47,24 @@ class PointLight(AbstractLight):
 
     def falloff(self, distance: Plane | None) -> Plane | None:
         return None if distance is None or self.attenuation is None else self.attenuation(distance)
+
+
+class PointLight(AbstractPointLight):
+    """A light at a position: s = position - P, d = |s|, l = s / d (LIGHT-3a to 3c).
+
+    `intensity` is I_p, one number or one a channel, in any unit of radiance. `attenuation` is a
+    factor f(d) on it; None means f = 1, and the distance is not computed. At a point that coincides
+    with the light, up to 5e-7 units of length in float32 and 5e-52 in float64, l is zero: the point
+    receives nothing, and every derivative there is 0.
+
+    >>> PointLight(position=(5, 20, 30), intensity=(1, 1, 1)).position.shape
+    (3,)
+    """
+
+    position: Float[Array, "3"] = eqx.field(  # type: ignore[misc]
+        converter=vector("the light's position")
+    )
+    intensity: Float[Array, "..."] = eqx.field(
+        converter=floats("the light's intensity"), default=1.0
+    )
+    attenuation: AbstractAttenuation | None = None

@@ -29,13 +29,14 @@ Plane = Float[Array, "..."]
 class Angles(eqx.Module):
     """At points under one light: n.l, what each lobe needs, and the distance where it matters.
 
-    `n_dot_v` is max(0, n.v), where a body needs it.
+    `n_dot_v` is max(0, n.v), where a body needs it; `emission` that of `Incidence`.
     """
 
     n_dot_l: Plane
     lobes: tuple[Any, ...]
     distance: Plane | None
     n_dot_v: Plane | None = None
+    emission: Plane | None = None
 
 
 def angles(
@@ -50,13 +51,14 @@ def angles(
     `view` is the G-buffer's view direction, where several lights share it.
     """
     n = gbuffer.normal
-    l, distance = light.incidence(gbuffer.position)
+    l, distance, emission = light.incidence(gbuffer.position)
     n_dot_l = dot(n, l)
     if not lobes and body is None:
-        return Angles(n_dot_l, (), distance)
+        return Angles(n_dot_l, (), distance, emission=emission)
     v = gbuffer.viewer.direction(gbuffer.position) if view is None else view
     seen = tuple(lobe.angles(n, l, v, n_dot_l) for lobe in lobes)
-    return Angles(n_dot_l, seen, distance, None if body is None else guard.positive(dot(n, v)))
+    n_dot_v = None if body is None else guard.positive(dot(n, v))
+    return Angles(n_dot_l, seen, distance, n_dot_v, emission)
 
 
 def reflected(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
@@ -67,6 +69,8 @@ def reflected(seen: Angles, light: AbstractLight, material: Material) -> LightSu
 def unlit(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
     """f(d) n.l and f(d) s: what a light of intensity 1 reflects."""
     f = light.falloff(seen.distance)
+    if seen.emission is not None:
+        f = seen.emission if f is None else seen.emission * f
     diffuse: Channels | None = None
     if material.kd is not None:
         diffuse = _times(f, _diffuse(seen, material.body))

@@ -71,12 +71,12 @@ def test_a_point_at_the_light_receives_nothing() -> None:
     """Coincident points: l is zero there, with finite derivatives."""
     here = Vec3(*map(jnp.asarray, (1.0, 2.0, 3.0)))
     light = ds.PointLight((1, 2, 3), 1.0, ds.InverseSquare())
-    l, distance = light.incidence(here)
+    l, distance, _ = light.incidence(here)
     assert np.all(np.asarray(l.to_array()) == 0)
     assert light.falloff(distance) == 0
 
     def reach(light: ds.PointLight) -> jax.Array:
-        l, distance = light.incidence(here)
+        l, distance, _ = light.incidence(here)
         return l.x + l.y + l.z + light.falloff(distance)
 
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(jax.grad(reach)(light)))
