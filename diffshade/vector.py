@@ -13,7 +13,18 @@ from jaxtyping import Array, Float
 
 from diffshade import guard
 
-__all__ = ["Vec3", "cross", "direction", "dot", "halfway", "length", "reflect", "unit", "versine"]
+__all__ = [
+    "Vec3",
+    "cross",
+    "direction",
+    "dot",
+    "halfway",
+    "length",
+    "reflect",
+    "refract",
+    "unit",
+    "versine",
+]
 
 Plane = Float[Array, "..."]
 
@@ -89,6 +100,23 @@ def direction(a: Vec3) -> Vec3:
 def reflect(l: Vec3, n: Vec3) -> Vec3:
     """Mirror direction r = 2 (n.l) n - l (LIGHT-10); both l and r point away from the surface."""
     return n * (2 * dot(n, l)) - l
+
+
+def refract(l: Vec3, n: Vec3, index: Plane) -> Vec3:
+    """Direction t in which light from l goes on beyond a surface (Snell's law, text C); zero if nowhere.
+
+        t = (c / index - sqrt(1 - (1 - c^2) / index^2)) n - l / index,    c = n.l >= 0
+
+    l and n are unit vectors on one side, t one on the other; the index of refraction is that beyond
+    the surface over that before it, above 0. Where the root is not real all light is reflected: t is
+    zero, with derivative 0. Not smooth at that angle, where the derivative grows without bound.
+    """
+    cosine = dot(n, l)
+    inverse = guard.reciprocal(index)
+    square = 1 - (1 - cosine * cosine) * (inverse * inverse)
+    total = square <= 0
+    t = n * (cosine * inverse - guard.sqrt(square)) - l * inverse
+    return Vec3(*(jnp.where(total, 0, component) for component in (t.x, t.y, t.z)))
 
 
 def halfway(l: Vec3, v: Vec3) -> Vec3:

@@ -295,6 +295,17 @@ def of_grooves(case: dict[str, Any]) -> jax.Array:
     return masking.v_groove(nl, nv, jnp.minimum(guard.ratio(0.5 * (nl + nv), half), 1), half)
 
 
+def refractions(deck: Deck) -> Cases:
+    """Directions of light and normal, and an index."""
+    return strategies.vectors(deck) | {"index": strategies.materials(deck)["index"]}
+
+
+def refracted(case: dict[str, Any]) -> Vec3:
+    """Where light goes on."""
+    l, n = (vector.unit(Vec3.from_array(case[name])) for name in ("a", "b"))
+    return vector.refract(l, n, case["index"])
+
+
 def of_colours(f: Callable[..., Any]) -> Contract:
     """A function of a colour."""
     return Contract(strategies.colours, lambda case: f(case["colour"]))

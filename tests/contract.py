@@ -41,6 +41,8 @@ from computed import (
     perspective,
     point_light,
     powers,
+    refracted,
+    refractions,
     shaded,
     smith,
     spot_light,
@@ -197,6 +199,7 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("vector.halfway",): of_vectors(lambda a, b: vector.halfway(vector.unit(a), vector.unit(b))),
     ("vector.length",): of_vectors(vector.length, 1),
     ("vector.reflect",): of_vectors(vector.reflect),
+    ("vector.refract",): Contract(refractions, refracted),
     ("vector.versine",): of_vectors(vector.versine),
     ("vector.unit",): of_vectors(vector.unit, 1),
     # Normals
