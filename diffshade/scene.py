@@ -6,6 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from diffshade.arrays import floats, optional
+from diffshade.errors import BadInput
 from diffshade.light.base import AbstractLight
 from diffshade.light.distributed import AbstractEmitter
 
@@ -14,8 +15,15 @@ __all__ = ["Scene"]
 
 def _lights(lights: Any) -> tuple[AbstractLight, ...]:
     given = (lights,) if isinstance(lights, AbstractLight | AbstractEmitter) else tuple(lights)
-    each = ((x,) if isinstance(x, AbstractLight) else x.elements() for x in given)
-    return tuple(light for elements in each for light in elements)
+    found: list[AbstractLight] = []
+    for light in given:
+        if isinstance(light, AbstractEmitter):
+            found.extend(light.elements())
+        elif isinstance(light, AbstractLight):
+            found.append(light)
+        else:
+            raise BadInput(f"a light is {light!r}: give lights, such as ds.PointLight")
+    return tuple(found)
 
 
 class Scene(eqx.Module):

@@ -88,8 +88,8 @@ def _beyond(observed: Observed, minimum: Minimum) -> str | None:
     if not np.isfinite(minimum.u).all():
         return "No minimum was found."
     for name in (name for names in model.searched for name in names):
-        of_lobe = name.startswith("specular.")
-        if not of_lobe or not model.material.specular[int(name.split(".")[1])].convex:
+        falls = name.startswith("specular.") and name.endswith(".shininess")
+        if not falls or not model.material.specular[int(name.split(".")[1])].convex:
             return f"What the images show does not fall convexly with {name}."
     if (problem.lower < 0).any():
         return "A linear coefficient may be negative: bound it by 0 from below."

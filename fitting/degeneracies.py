@@ -212,7 +212,7 @@ def _attenuation(move: Move) -> str | None:
 
 def _coinciding_lobes(move: Move) -> str | None:
     """Two lobes of one shape."""
-    if len(move.lobes) < 2 or move.others - move.shapes or any(map(_is_body, move.names)):
+    if len(move.lobes) < 2 or move.others - _widths(move):
         return None
     widths = {lobe: _width(move, lobe) for lobe in move.lobes}
     if len(set(widths.values())) > 1:
@@ -260,6 +260,20 @@ def _like_ambient(move: Move) -> str | None:
         f"{_list(terms)} {'varies' if len(terms) == 1 else 'vary'} too little over the used pixels,"
         " and what the lights add looks like the ambient light: add an image with a light from"
         " another direction, or with none, or hold ka"
+    )
+
+
+def _boundary(move: Move) -> str | None:
+    """The index of refraction, or what else a boundary has, against kd and ks."""
+    of_boundary = tuple(sorted(move.shapes - _widths(move)))
+    if not of_boundary or move.others - move.shapes or move.gains or move.constants:
+        return None
+    if not move.reflected:
+        return None
+    return (
+        f"{_list(of_boundary)} and {_list(_texts(move.reflected))} change these images alike: F hardly"
+        " varies over what is seen: add lights and views at grazing angles, or hold"
+        f" {of_boundary[0]}"
     )
 
 
@@ -319,6 +333,7 @@ RULES: tuple[Callable[[Move], str | None], ...] = (
     _zero_lobe,
     _like_diffuse,
     _like_ambient,
+    _boundary,
     _no_highlight,
     _alone,
     _combination,
@@ -332,16 +347,16 @@ def _within_lobe(move: Move) -> bool:
 
 def _is_shading(move: Move) -> bool:
     """Whether only a material's own coefficients move."""
-    return not (move.gains or move.constants or move.others - move.shapes - {"ka"})
+    return not (move.gains or move.constants or move.others - _widths(move) - {"ka"})
+
+
+def _widths(move: Move) -> set[str]:
+    return {f"{lobe}.{_width(move, lobe)}" for lobe in move.lobes}
 
 
 def _width(move: Move, lobe: str) -> str:
     """What says how wide a lobe is: its exponent or its roughness."""
     return "alpha" if f"{lobe}.alpha" in move.values else "shininess"
-
-
-def _is_body(name: str) -> bool:
-    return name.startswith("body.")
 
 
 def _is_share(name: str) -> bool:

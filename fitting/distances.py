@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from diffshade.light.point import AbstractPointLight
+from diffshade.light.point import PointLight
 from fitting.arrays import Array
 from fitting.columns import Photo, photos, scenery
 from fitting.model import Model
@@ -17,7 +17,7 @@ __all__ = ["sample_distances", "share_nearer"]
 
 def sample_distances(group: Group) -> Float[np.ndarray, "n"]:
     """The logarithm of the distance between each used point and each point light that it faces."""
-    lights = [kind for kind in group.lights if isinstance(kind, AbstractPointLight)]
+    lights = [kind for kind in group.lights if isinstance(kind, PointLight)]
     surface = group.surface
     if not lights or surface.position is None:
         return np.zeros(0)

@@ -10,7 +10,7 @@ from diffshade.devices import Devices, mesh_over
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import AbstractAttenuation, InverseSquare, Windowed
-from diffshade.light.point import AbstractPointLight
+from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt, attempted, searched
@@ -68,12 +68,14 @@ def fit(
       is seen or its scale is known; where it is seen at some points and not at others it sets the
       scale of the constants, k_d and k_s.
     - `hold`: names of coefficients kept at their value in `material`: "ka", "kd", "specular.ks",
-      "specular.shininess", or "specular.0.ks" for one lobe; and "attenuation.c0" and so on at their
+      "specular.shininess", "specular.alpha", "specular.fresnel.index", "body.index", or "specular.0.ks"
+      for one lobe (the indices of one boundary are one number); and "attenuation.c0" and so on at their
       value in the scene's lights.
-    - `bounds`: lower and upper by name, by default 0 and 1 for each k (None: unbounded), and 0.1 and
-      100,000 for the shininess (None: these). They hold at every step. Beside the
-      constants of a quadratic or linear attenuation k_d and k_s have no scale of their own, and no
-      upper bound, unless one of them or of the constants is held, or the clamp is seen.
+    - `bounds`: lower and upper by name, by default 0 and 1 for each k (None: unbounded), 0.1 and
+      100,000 for the shininess, and for each other shape what `fitting.shapes` has (None: these).
+      They hold at every step. Beside the constants of a quadratic or linear attenuation k_d and k_s
+      have no scale of their own, and no upper bound, unless one of them or of the constants is held,
+      or the clamp is seen.
     - `valid`: which pixels to use [H, W], one or one an image; by default all of the foreground.
     - `robust`: "tukey" (or `fitting.Tukey(c)`) takes the weight from outliers, such as shadows.
     - `clipped`: observations that a sensor clipped, [H, W] or [H, W, C], one or one an image: they
@@ -83,7 +85,7 @@ def fit(
       mean over the images is 1, for their common scale cannot be told from k_d and k_s.
     - `certify`: whether to prove that the minimum is global, where one shininess is all that is
       searched: `fit.certificate` says what was proven. It takes some ten passes over the data.
-    - `profiles`: whether to compute the residual over each lobe's shininess, for plots.
+    - `profiles`: whether to compute the residual over each shape that is searched, for plots.
     - `solver`: any Optimistix least-squares solver in place of our own bounded one, to compare.
     - `devices`: JAX devices, or a mesh of them with one axis, to share the pixels of every page out
       over; by default one. They may be those of several processes joined by
@@ -226,7 +228,7 @@ def _held_law(
         light.attenuation
         for photograph in photographs
         for light in photograph.scene.lights
-        if isinstance(light, AbstractPointLight) and isinstance(light.attenuation, attenuation)
+        if isinstance(light, PointLight) and isinstance(light.attenuation, attenuation)
     ]
     if not laws:
         raise BadInput(
@@ -251,7 +253,7 @@ def _held_law(
 def _reference_distance(observed: Observed) -> float:
     """How far the lit points lie from the lights whose attenuation is asked for."""
     for stack in observed.stacks:
-        points = any(isinstance(kind, AbstractPointLight) for kind in stack.lights)
+        points = any(isinstance(kind, PointLight) for kind in stack.lights)
         if points and stack.gbuffer.position is None:
             raise BadInput(
                 "an attenuation is asked for, and the G-buffer has normals only, no positions"

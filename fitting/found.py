@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffshade.light.attenuation import AbstractAttenuation
-from diffshade.light.point import AbstractPointLight
+from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.attempt import Attempt
@@ -183,8 +183,12 @@ class Fit:
 
     @cached_property
     def correlations(self) -> Correlations:
-        """Of all numbers."""
-        return Correlations(self._uncertainty.numbers, self._uncertainty.correlations)
+        """Of all numbers; of names that are one number the first."""
+        tied = {n for names in self._best.minimum.problem.model.searched for n in names[1:]}
+        names = self._uncertainty.numbers
+        own = [i for i, name in enumerate(names) if name not in tied]
+        matrix = self._uncertainty.correlations[np.ix_(own, own)]
+        return Correlations(tuple(names[i] for i in own), matrix)
 
     @property
     def noise(self) -> float:
@@ -300,9 +304,9 @@ def _exponents(model: Model) -> dict[int, int]:
 def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:
     """The scene with an attenuation that is known to be valid: nothing is checked or converted."""
     return eqx.tree_at(
-        lambda s: [x.attenuation for x in s.lights if isinstance(x, AbstractPointLight)],
+        lambda s: [x.attenuation for x in s.lights if isinstance(x, PointLight)],
         scene,
-        [law for light in scene.lights if isinstance(light, AbstractPointLight)],
+        [law for light in scene.lights if isinstance(light, PointLight)],
         is_leaf=lambda x: x is None,
     )
 

@@ -32,7 +32,7 @@ from diffshade.light.attenuation import (
     QuadraticAttenuation,
 )
 from diffshade.light.base import AbstractLight
-from diffshade.light.point import AbstractPointLight
+from diffshade.light.point import PointLight
 from diffshade.scene import Scene
 from fitting.arrays import Array
 
@@ -277,7 +277,7 @@ def lit_by(light: AbstractLight, attenuation: AbstractAttenuation) -> AbstractLi
 
     Of many lights, stacked, nothing is checked or converted.
     """
-    if not isinstance(light, AbstractPointLight):
+    if not isinstance(light, PointLight):
         return light
     return eqx.tree_at(lambda x: x.attenuation, light, attenuation, is_leaf=_is_absent)
 

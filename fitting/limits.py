@@ -14,7 +14,7 @@ from diffshade.reflectance.names import coefficient
 from fitting.arrays import Array
 from fitting.gauge import Node, PolynomialGauge
 from fitting.model import Model, full_names, linear_names
-from fitting.shapes import SHAPES, shape_names, shape_of
+from fitting.shapes import SHAPES, kind_of, shape_names
 
 __all__ = ["Bounds", "Grid", "Limits", "ceiling_grid", "limits"]
 
@@ -82,7 +82,7 @@ def limits(
 
     edges = []
     for names in model.searched:
-        pairs = [_edges(name, given.get(name)) for name in names]
+        pairs = [_edges(kind_of(start, name), name, given.get(name)) for name in names]
         low, high = max(low for low, _ in pairs), min(high for _, high in pairs)
         if low > high:
             raise BadInput(
@@ -94,15 +94,15 @@ def limits(
         edges += [(0.0, np.inf) if value is None else (value, value) for value in gauge.held]
     box = np.array(edges, float).reshape(-1, 2).T
     reads = tuple(model.reads.values())
-    grid = _grid(model.searched, reads, None if gauge is None else gauge.nodes)
+    grid = _grid(_axes(model), reads, None if gauge is None else gauge.nodes)
     if start_given and model.searched:
         grid = _with_start(grid, reads, [_log_start(start, names[0]) for names in model.searched])
     return Limits(lower, upper, natural, is_held, (box[0], box[1]), grid)
 
 
-def _edges(name: str, given: tuple[Bound, Bound] | None) -> tuple[float, float]:
+def _edges(kind: str, name: str, given: tuple[Bound, Bound] | None) -> tuple[float, float]:
     """Lower and upper bound of one shape."""
-    least, most = shape_of(name).bounds
+    least, most = SHAPES[kind].bounds
     low, high = given or (None, None)
     low, high = least if low is None else float(low), most if high is None else float(high)
     if not 0 < low <= high:
@@ -138,26 +138,35 @@ def _by_full_name(bounds: Bounds, start: Material) -> dict[str, tuple[Bound, Bou
     return full
 
 
+def _axes(model: Model) -> tuple[tuple[str, str], ...]:
+    """Of each unknown which of `SHAPES` it is, and of a width the type of its lobe, else nothing."""
+    axes = []
+    for name, *_ in model.searched:
+        kind = kind_of(model.material, name)
+        of_width = kind in ("shininess", "alpha")
+        lobe = model.material.specular[int(name.split(".")[1])] if of_width else None
+        axes.append((kind, "" if lobe is None else type(lobe).__name__))
+    return tuple(axes)
+
+
 @cache
 def _grid(
-    searched: tuple[tuple[str, ...], ...],
+    axes: tuple[tuple[str, str], ...],
     reads: tuple[tuple[int, ...], ...],
     laws: tuple[Node, ...] | None,
 ) -> Grid:
-    """Coarse nodes over u; of lobes of one kind the first is the sharper."""
-    fields = [names[0].rpartition(".")[2] for names in searched]
+    """Coarse nodes over u; of lobes of one type the first is the sharper."""
     chosen: list[tuple[int, ...]] = [()]
-    for k, field in enumerate(fields):
-        # The latest unknown of the same field, if any: a larger exponent and a smaller alpha are sharper
-        last = max((j for j in range(k) if fields[j] == field), default=None)
-        axis = range(len(SHAPES[field].nodes))
+    for k, (kind, lobe) in enumerate(axes):
+        # A larger exponent and a smaller alpha are sharper
+        last = max((j for j in range(k) if lobe and axes[j][1] == lobe), default=None)
         chosen = [
             (*node, n)
             for node in chosen
-            for n in axis
-            if last is None or (n < node[last] if field == "shininess" else n > node[last])
+            for n in range(len(SHAPES[kind].nodes))
+            if last is None or (n < node[last] if kind == "shininess" else n > node[last])
         ]
-    nodes = [np.log(SHAPES[field].nodes) for field in fields]
+    nodes = [np.log(SHAPES[kind].nodes) for kind, _ in axes]
     rows = [[values[n] for values, n in zip(nodes, row, strict=True)] for row in chosen]
     return _grid_of(np.array(rows).reshape(len(chosen), -1), chosen, reads, laws or (((), ()),))
 

@@ -207,7 +207,17 @@ def model_of(start: Material, held: frozenset[str], channel_count: int) -> Model
                 f"the {name.rpartition('.')[2]} has one number a channel: fit searches one for all,"
                 " or hold it"
             )
-    one = tuple(name for name in boundaries(start) if name in free)
+    one = boundaries(start)
+    if (
+        one
+        and one[0] in held
+        and len({repr(np.asarray(coefficient(start, name)).tolist()) for name in one}) > 1
+    ):
+        raise BadInput(
+            f"hold names {' and '.join(one)}, which are one number and have several values in the"
+            " material: give them the same"
+        )
+    one = () if held & set(one) else one
     alone = [(name,) for name in free if name not in one]
     searched = (*alone, one) if one else tuple(alone)
     return Model(material=start, searched=searched, channel_count=channel_count)
@@ -246,12 +256,15 @@ def held_names(
 ) -> frozenset[str]:
     """Full names of what is held; "specular.ks" stands for that of every lobe.
 
-    `constants` are the names of a fitted attenuation's.
+    `constants` are the names of a fitted attenuation's. A surface has one boundary: who holds the
+    index of a lobe holds that of its body, and the reverse.
     """
     if isinstance(hold, str):
         raise BadInput(f"hold is {hold!r}: give a sequence of names, ({hold!r},)")
     known = (*linear_names(material), *shape_names(material), *constants)
-    return frozenset(full for name in hold for full in full_names(name, known, "hold"))
+    found = {full for name in hold for full in full_names(name, known, "hold")}
+    one = boundaries(material)
+    return frozenset(found | set(one)) if found & set(one) else frozenset(found)
 
 
 def full_names(name: str, known: tuple[str, ...], where: str) -> tuple[str, ...]:

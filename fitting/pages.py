@@ -22,6 +22,7 @@ from jaxtyping import Float, PyTree
 from diffshade.devices import AXIS, dealt, place
 from diffshade.fusion import search_options
 from diffshade.kept import Kept
+from diffshade.light.point import PointLight
 from fitting.arrays import Array
 from fitting.columns import Photo, Scenery, photos, scenery
 from fitting.model import Model
@@ -189,8 +190,8 @@ def _ends(at: Scenery) -> Float[Array, "3"]:
     and minus the largest observation.
     """
     near, far = jnp.full((), jnp.inf), jnp.zeros(())
-    for seen in at.angles:
-        if seen.distance is not None:
+    for seen, kind in zip(at.angles, at.photo.lights, strict=True):
+        if isinstance(kind, PointLight) and seen.distance is not None:
             lit = (seen.n_dot_l > 0) & (seen.distance > 0)
             if at.spread is None:  # else the points are not pixels, and have no weight
                 lit = lit & (at.photo.weight > 0)[None]

@@ -123,9 +123,10 @@ def _judged(
 def settings(material: Material, bounds: Bounds, steps: int | None) -> Settings:
     """The bounds of a pixel's coefficients, and how it is searched."""
     if len(material.specular) != 1 or not hasattr(material.specular[0], "shininess"):
+        kinds = ", ".join(lobe.kind for lobe in material.specular) or "none"
         raise BadInput(
-            f"the material has {len(material.specular)} lobes: give fit_maps one with a shininess,"
-            " or regions, which may have any number"
+            f"the lobes of the material are {kinds}: give fit_maps one with a shininess, or regions,"
+            " which may have any"
         )
     if material.body is not None or getattr(material.specular[0], "weight", None) is not None:
         raise BadInput(

@@ -16,6 +16,7 @@ from fitting.report_html_coefficients import (
 )
 from fitting.report_html_images import Pictures, pictures_section, reasons, residuals_section
 from fitting.report_markup import document_text, element, listing, number, optional
+from fitting.report_rows import comparison
 
 __all__ = ["fit_page"]
 
@@ -95,6 +96,7 @@ def _overview(document: Document) -> list[Element]:
     counts = [f"{sum(row[key] for row in rows):,} {why}" for key, why in reasons(document)]
     facts: dict[str, str | None] = {
         "Model": f"{document['model']}: {_equation(document)}",
+        "Compared": comparison(document) or None,
         "Images": f"{len(rows)}, with {sum(row['pixels_used'] for row in rows):,} pixels used",
         "Left out": (
             f"{100 * document['fraction_excluded']:.3g} % of the object's pixels"
@@ -126,10 +128,16 @@ def _equation(document: Document) -> str:
     values = document["coefficients"]
     cosines = {"phong": "(r·v)", "blinn_phong": "(n·h)"}
     several = len(values["lobes"]) > 1
-    terms = ["kd n·l"] if values["kd"] is not None else []
+    passed = " T(n·l) T(n·v)" if values.get("body") else ""
+    terms = [f"kd n·l{passed}"] if values["kd"] is not None else []
     for j, lobe in enumerate(values["lobes"], 1):
         index = f"{j}" if several else ""
-        terms.append(f"ks{index} {cosines.get(lobe['kind'], lobe['kind'])}^n{index}")
+        weight = " W(n·l)" if lobe.get("weight") else ""
+        boundary = " F" if lobe.get("fresnel") else ""
+        shape = f"D{index}{boundary} G{index} / (4 n·v)"
+        if lobe["kind"] in cosines:
+            shape = f"{cosines[lobe['kind']]}^n{index}"
+        terms.append(f"ks{index}{weight} {shape}")
     ambient = "ka Ia + " if values["ka"] is not None else ""
     attenuation = "f(d) " if values["attenuation"] is not None else ""
     return f"I = {ambient}Σ {attenuation}Ip ({' + '.join(terms)}), over the lights"

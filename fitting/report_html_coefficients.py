@@ -139,7 +139,7 @@ def _profile(document: Document, curve: Document) -> list[Element]:
     )
     if plot is None:
         return []
-    says = f"{title}, all other coefficients at their best for it."
+    says = f"{title}, all linear coefficients at their best for it."
     if value is not None:
         says += f" Dashed: the recovered value, {value:.6g}."
     if interval is not None:

@@ -11,6 +11,7 @@ __all__ = [
     "Number",
     "Row",
     "attenuation_rows",
+    "comparison",
     "material_rows",
     "reference_rows",
 ]
@@ -60,6 +61,16 @@ def _numbers(part: Document) -> Iterator[tuple[str, ...]]:
             yield from ((key, *path) for path in _numbers(value))
         elif not isinstance(value, str | bool):
             yield (key,)
+
+
+def comparison(document: Document) -> str:
+    """What the models that were compared leave, the best first; empty where none were."""
+    rows = document.get("compared") or []
+    said = (
+        f"{row['model']} {row['relative_residual']:.4g} (BIC {row['bic'] - rows[0]['bic']:+.4g})"
+        for row in rows
+    )
+    return f"compared, by relative residual: {', '.join(said)}" if rows else ""
 
 
 LAWS = {

@@ -14,6 +14,7 @@ from fitting.report_rows import (
     Number,
     Row,
     attenuation_rows,
+    comparison,
     material_rows,
     reference_rows,
 )
@@ -43,7 +44,8 @@ def fit_report(document: Document, *, truth: Document | None = None) -> str:
     attenuation = document["coefficients"]["attenuation"]
     law = f"attenuation {LAWS[attenuation['kind']]}" if attenuation else ""
     if truth is None:
-        sections = [f"model {document['model']}", _rows_table(material_rows(document))]
+        sections = [f"model {document['model']}", _wrapped(comparison(document))]
+        sections.append(_rows_table(material_rows(document)))
         sections += [law, _rows_table(attenuation_rows(document))] if attenuation else []
     else:
         with_law = f"model {document['model']}{', ' * bool(law)}{law}"

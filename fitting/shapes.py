@@ -12,7 +12,7 @@ from diffshade.reflectance.fresnel import Dielectric
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.names import coefficient_names
 
-__all__ = ["SHAPES", "Shape", "boundaries", "is_shape", "shape_names", "shape_of"]
+__all__ = ["SHAPES", "Shape", "boundaries", "is_shape", "kind_of", "shape_names"]
 
 
 class Shape(NamedTuple):
@@ -30,14 +30,16 @@ SHAPES = {
     "shininess": Shape((0.1, 1e5), _spread(1.0, 3000.0, 15)),
     "alpha": Shape((1e-3, 2.0), _spread(0.015, 0.9, 13)),
     "index": Shape((1.01, 5.0), (1.15, 1.5, 2.2)),
-    "extinction": Shape((1e-2, 20.0), (1.0, 3.0, 8.0)),
+    "index of a metal": Shape((0.05, 10.0), (0.2, 1.0, 3.0)),
+    "extinction": Shape((1e-2, 10.0), (1.0, 3.0, 8.0)),
     "f0": Shape((1e-3, 1.0), (0.04, 0.3)),
 }
 
 
-def shape_of(name: str) -> Shape:
-    """That of a coefficient by its name."""
-    return SHAPES[name.rpartition(".")[2]]
+def kind_of(material: Material, name: str) -> str:
+    """Which of `SHAPES` a coefficient is."""
+    field = name.rpartition(".")[2]
+    return "index of a metal" if field == "index" and name not in boundaries(material) else field
 
 
 def is_shape(name: str) -> bool:

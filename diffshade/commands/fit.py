@@ -103,8 +103,6 @@ def fit_capture(
         "valid": capture.valid,
         "clipped": capture.clipped if censor else None,
         "gains": gains,
-        "certify": certify,
-        "profiles": certify,
         "devices": devices,
     }
     compared: tuple[fitting.Comparison, ...] = ()
@@ -114,7 +112,7 @@ def fit_capture(
             laws = (capture.fit_attenuation,)
             compared = fitting.compare(*observed, laws, materials=tuple(MODELS), **options)
             found, model = compared[0].fit, compared[0].name
-        else:
+        if certify or not compared:
             material = named_material(model, ambient=ambient)
             found = fitting.fit(
                 *observed,
@@ -122,6 +120,8 @@ def fit_capture(
                 attenuation=capture.fit_attenuation,
                 hold=[name for name, _ in hold],
                 bounds=named_bounds(model),
+                certify=certify,
+                profiles=certify,
                 **options,
             )
     seconds = {"load": loaded - started, "fit": perf_counter() - loaded}

@@ -4,7 +4,7 @@ Every element of a surface that glows with the radiance L sends the irradiance
 
     dE = L cos(theta) dA / d^2 n.l,     theta the angle between its own normal and the ray,
 
-which is that of a small `SpotLight` of exponent 1. A light with extent is a sum of such elements,
+which is that of a spot light of exponent 1. A light with extent is a sum of such elements,
 
     E = integral of dE  =  sum over j of w_j L cos(theta_j) / d_j^2 n.l_j,
 
@@ -22,21 +22,27 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.arrays import floats, positive, vector
+from diffshade.arrays import floats, is_concrete, positive, vector
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
 from diffshade.light.base import AbstractLight, Incidence
 from diffshade.light.point import AbstractPointLight
-from diffshade.light.spot import SpotLight
 from diffshade.vector import Vec3, cross, dot, length, unit
 
 __all__ = ["AbstractEmitter", "DiscLight", "LineLight", "RectangleLight", "SphereLight"]
 
 
 def _samples(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < 1:
         raise BadInput(f"samples is {value!r}: give a whole number of at least 1")
-    return value
+    return int(value)
+
+
+def _shines(across: Float[Array, "3"], what: str) -> None:
+    """Refuse a light without area or direction, as far as its values are known."""
+    if is_concrete(across) and not np.any(np.asarray(across)):
+        raise BadInput(what)
 
 
 class AbstractEmitter(eqx.Module):
@@ -76,6 +82,7 @@ class RectangleLight(AbstractEmitter):
         nodes = list(zip(*(rule.tolist() for rule in _gauss(self.samples)), strict=True))
         across = cross(Vec3.from_array(self.u), Vec3.from_array(self.v))
         power, towards = self.radiance * length(across), across.to_array()
+        _shines(towards, "a rectangle's u and v are parallel, or zero: give two sides of it")
         return tuple(
             _element(self.center + a * self.u + b * self.v, towards, power * (p * q))
             for a, p in nodes
@@ -97,6 +104,7 @@ class DiscLight(AbstractEmitter):
     samples: int = eqx.field(static=True, converter=_samples, default=4)
 
     def elements(self) -> tuple[AbstractLight, ...]:
+        _shines(self.normal, "a disc's normal is zero: give the direction in which it shines")
         a, b = _across(self.normal)
         power, count = self.radiance * (np.pi * self.radius**2), 2 * self.samples
         found = []
@@ -156,6 +164,7 @@ class LineLight(AbstractEmitter):
     def elements(self) -> tuple[AbstractLight, ...]:
         x, w = _gauss(self.samples)
         along = self.end - self.start
+        _shines(along, "a line's start and end are one point: give two")
         middle, size = 0.5 * (self.start + self.end), length(Vec3.from_array(along))
         return tuple(
             TubeElement(
@@ -168,8 +177,22 @@ class LineLight(AbstractEmitter):
         )
 
 
+class SurfaceElement(AbstractPointLight):
+    """A piece of a surface that glows to the side of its `normal`: I_p cos(theta) / d^2."""
+
+    position: Float[Array, "3"]
+    normal: Float[Array, "3"]
+    intensity: Float[Array, "..."]
+    attenuation: AbstractAttenuation | None
+
+    def incidence(self, position: Vec3 | None) -> Incidence:
+        arriving = super().incidence(position)
+        cosine = -dot(arriving.l, unit(Vec3.from_array(self.normal)))
+        return arriving._replace(emission=guard.positive(cosine))
+
+
 class TubeElement(AbstractPointLight):
-    """A piece of a tube along `axis`: the intensity I_p sin(theta), by the inverse square."""
+    """A piece of a tube along `axis`: I_p sin(theta) / d^2 to all sides."""
 
     position: Float[Array, "3"]
     axis: Float[Array, "3"]
@@ -183,10 +206,10 @@ class TubeElement(AbstractPointLight):
 
 
 def _element(
-    place: Float[Array, "3"], towards: Float[Array, "3"], intensity: Float[Array, "..."]
-) -> SpotLight:
-    return SpotLight(
-        intensity=intensity, position=place, direction=towards, attenuation=InverseSquare()
+    place: Float[Array, "3"], normal: Float[Array, "3"], intensity: Float[Array, "..."]
+) -> SurfaceElement:
+    return SurfaceElement(
+        intensity=intensity, position=place, normal=normal, attenuation=InverseSquare()
     )
 
 

@@ -1,19 +1,31 @@
 """The spot light: a point light that shines one way (Warn 1983)."""
 
 from math import pi
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from diffshade import guard
-from diffshade.arrays import floats, optional, positive, vector
+from diffshade.arrays import floats, is_concrete, optional, positive, vector
+from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.light.base import Incidence
 from diffshade.light.point import AbstractPointLight
 from diffshade.vector import Vec3, dot, unit
 
 __all__ = ["SpotLight"]
+
+
+def _cutoff(value: Any) -> Float[Array, "..."]:
+    angle = positive("the light's cutoff")(value)
+    if is_concrete(angle) and np.any(np.asarray(angle) > 0.5 * pi + 1e-6):
+        raise BadInput(
+            f"the light's cutoff is {float(angle):g}: give an angle in radians, up to pi/2"
+        )
+    return angle
 
 
 class SpotLight(AbstractPointLight):
@@ -39,9 +51,7 @@ class SpotLight(AbstractPointLight):
         converter=floats("the light's intensity"), default=1.0
     )
     exponent: Float[Array, ""] = eqx.field(converter=positive("the light's exponent"), default=1.0)
-    cutoff: Float[Array, ""] | None = eqx.field(
-        converter=optional(positive("the light's cutoff")), default=None
-    )
+    cutoff: Float[Array, ""] | None = eqx.field(converter=optional(_cutoff), default=None)
     attenuation: AbstractAttenuation | None = None
 
     def incidence(self, position: Vec3 | None) -> Incidence:

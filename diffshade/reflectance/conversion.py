@@ -168,5 +168,7 @@ def _around(theta: np.ndarray, phi: np.ndarray, tilt: float) -> np.ndarray:
 
 
 def _facets(lobe: BlinnPhong) -> tuple[Array, Array]:
+    if lobe.weight is not None:
+        raise BadInput("the lobe has a weight of n.l, which no facet has: convert it without")
     alpha = alpha_of(lobe.shininess)
     return lobe.ks * 4 * np.pi * alpha * alpha, alpha

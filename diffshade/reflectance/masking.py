@@ -50,7 +50,7 @@ def rational_beckmann_shadow(cosine: Plane, alpha: Plane) -> Plane:
     """The same by a rational function, to 0.4 % of G_1 (Walter et al. 2007, 27).
 
     A = alpha s (1 - 1.259 t + 0.396 t^2) / (3.535 + 2.181 t), and 0 from t = 1.6 on, where it jumps by
-    2e-5 of c: the derivative is that of either side.
+    6e-5 of c: the derivative is that of either side.
     """
     t, width = _steepness(cosine, alpha)
     t = jnp.minimum(t, 1.6)

@@ -20,10 +20,11 @@ class KeptGeometry(eqx.Module):
     """A G-buffer with the angles under which its points see each light of a scene.
 
     It stands for the G-buffer in `render` and `mean_squared_error` while positions, normals and the
-    directions of lights stay as they are: what may change are coefficients, shininess, intensities
-    and the constants of attenuations. It takes a plane for n.l, one a lobe and one for the distance, a
-    light. What is rendered from it has no derivative in positions and directions of the scene that it
-    is rendered with: keep it anew where these move, inside what is differentiated.
+    directions of lights stay as they are: what may change are coefficients, shapes of lobes and body,
+    intensities and the constants of attenuations; not the cone of a spot light. It takes for each light
+    a plane for n.l, one for the distance, and one a lobe, four of microfacets. What is rendered from it
+    has no derivative in positions and directions of the scene that it is rendered with: keep it anew
+    where these move, inside what is differentiated.
     """
 
     gbuffer: GBuffer
@@ -59,7 +60,11 @@ def planes_of(surface: KeptGeometry) -> PyTree:
 def kinds(scene: Scene, material: Material) -> tuple[str, ...]:
     """The kinds of lights, lobes and body, in order."""
     body = () if material.body is None else (material.body,)
-    return tuple(type(x).__name__ for x in (*scene.lights, *material.specular, *body))
+    parts = (*scene.lights, *material.specular, *body)
+    weighted = (getattr(x, "weight", None) is not None for x in parts)
+    return tuple(
+        "weighted " * has + type(x).__name__ for x, has in zip(parts, weighted, strict=True)
+    )
 
 
 def keep_geometry(

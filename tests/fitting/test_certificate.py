@@ -212,6 +212,9 @@ def test_what_a_proof_does_not_reach_is_said(rng: np.random.Generator) -> None:
     lobes = replace(model.material, specular=(lobe, lobe))
     two = replace(model, material=lobes, searched=model_of(lobes, frozenset(), 1).searched)
     hump = replace(model, material=replace(model.material, specular=Hump(lobe.ks, lobe.shininess)))
+    heavy = replace(lobe, weight=ds.Dielectric(1.5))
+    weighted = model_of(replace(model.material, specular=(heavy,)), frozenset(), 1)
+    weighted = replace(model, material=weighted.material, searched=(("specular.0.weight.index",),))
     law = replace(model, gauge=PolynomialGauge(np.ones(()), held=(None, None, None)))
 
     def certified_as(**changed: object) -> Certificate:
@@ -227,6 +230,7 @@ def test_what_a_proof_does_not_reach_is_said(rng: np.random.Generator) -> None:
             "2 shapes are searched: specular.0.shininess, specular.1.shininess",
         ),
         (certified_as(model=hump), "does not fall convexly with specular.0.shininess"),
+        (certified_as(model=weighted), "does not fall convexly with specular.0.weight.index"),
         (certified_as(model=law), "The attenuation is searched"),
         (certify(drawn.observed, gained, drawn.limit.box), "The gains of the lights are searched"),
         (certified_as(lower=problem.lower - 1), "may be negative"),

@@ -61,6 +61,8 @@ def test_lights_with_extent(table: str, count: int, tmp_path: Path) -> None:
         (SPOT + "exponent = -1", "light 2: exponent is -1; give a number of at least 0"),
         (SPOT + "angle = 1", 'light 2: unknown key "angle"; the keys here are kind, position'),
         (DISC.replace("0.5", "0"), "light 2: radius is 0; give a number above 0"),
+        (DISC.replace("[0, 0, -1]", "[0, 0, 0]"), "a disc's normal is zero"),
+        (SPOT + "cutoff = 30", "light 2: the light's cutoff is 30: give an angle in radians"),
         (DISC + "samples = 65", "light 2: samples is 65; give at most 64 along a side"),
         (DISC + "samples = 2.5", "light 2: samples is 2.5; give a whole number of at least 1"),
         (DISC.replace("radiance", "intensity"), 'light 2: unknown key "intensity"'),

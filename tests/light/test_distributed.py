@@ -142,5 +142,15 @@ def test_derivatives_reach_its_place_and_size() -> None:
 def test_what_is_refused() -> None:
     with pytest.raises(BadInput, match="samples is 0: give a whole number of at least 1"):
         ds.SphereLight((0, 0, 2), 0.1, samples=0)
+    assert ds.SphereLight((0, 0, 2), 0.1, samples=np.int64(4)).samples == 4
+    for nowhere, complaint in (
+        (ds.RectangleLight((0, 0, 2), (1, 0, 0), (2, 0, 0)), "u and v are parallel, or zero"),
+        (ds.DiscLight((0, 0, 2), (0, 0, 0), 0.1), "a disc's normal is zero"),
+        (ds.LineLight((0, 0, 2), (0, 0, 2)), "start and end are one point"),
+    ):
+        with pytest.raises(BadInput, match=complaint):
+            ds.Scene(lights=nowhere)
+    with pytest.raises(BadInput, match="a light is 1: give lights"):
+        ds.Scene(lights=[1])
     with pytest.raises(BadInput, match=r"the light's radius is -1\.: it cannot be negative"):
         ds.DiscLight((0, 0, 2), (0, 0, -1), -1)

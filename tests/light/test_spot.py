@@ -71,6 +71,8 @@ def test_many_and_a_tolerance(tolerance: float) -> None:
 def test_what_is_refused() -> None:
     with pytest.raises(BadInput, match=r"the light's exponent is -1\.: it cannot be negative"):
         ds.SpotLight(ABOVE, (0, 0, -1), exponent=-1)
+    with pytest.raises(BadInput, match="cutoff is 30: give an angle in radians, up to pi/2"):
+        ds.SpotLight(ABOVE, (0, 0, -1), cutoff=30)
     flat = ds.GBuffer.from_arrays(None, np.tile([0.0, 0.0, 1.0], (2, 2, 1)))
     with pytest.raises(BadInput, match="needs positions"):
         ds.render(flat, ds.Scene(lights=ds.SpotLight(ABOVE, (0, 0, -1))), ds.Material(kd=1.0))

@@ -76,6 +76,12 @@ def test_the_peaks_agree(tolerance: float) -> None:
         np.testing.assert_allclose(peak, 0.4, rtol=10 * tolerance)
 
 
+def test_a_weight_of_the_incidence_is_none_of_facets() -> None:
+    for convert in (to_beckmann, to_ggx):
+        with pytest.raises(BadInput, match=r"a weight of n\.l, which no facet has"):
+            convert(ds.BlinnPhong(0.4, 90.0, ds.Schlick()))
+
+
 def test_lobes_with_channels_are_refused() -> None:
     with pytest.raises(BadInput, match="give lobes with one number each"):
         difference(ds.Phong((0.1, 0.2), 9), ds.Phong(0.1, 9), 0.0)

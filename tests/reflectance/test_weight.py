@@ -35,6 +35,16 @@ def test_it_multiplies_the_lobe(lobe: type, weight: AbstractFresnel, tolerance: 
     assert weighted.max() > 0.01
 
 
+def test_kept_geometry_is_kept_for_it() -> None:
+    plain, weighted = (
+        ds.Material(specular=ds.Phong(0.5, 12.0, w)) for w in (None, ds.Schlick(0.04))
+    )
+    for a, b in ((plain, weighted), (weighted, plain)):
+        kept = ds.keep_geometry(GBUFFER, SCENE, a)
+        with pytest.raises(ds.BadInput, match="keep it for this scene and material"):
+            ds.render(kept, SCENE, b)
+
+
 def test_none_is_not_computed() -> None:
     def lines(lobe: ds.Phong) -> int:
         program = jax.jit(lambda m: ds.render(GBUFFER, SCENE, m))
