@@ -66,8 +66,7 @@ def conductor(cosine: Plane, index: Plane, extinction: Plane) -> Plane:
     y = 2 * index * extinction
     size = guard.sqrt(x * x + y * y)
     # 2 a^2, without the difference of |z| and |x| where these are alike
-    ahead = x > 0
-    twice = jnp.where(ahead, size + x, y * guard.ratio(y, jnp.where(ahead, 1, size - x)))
+    twice = jnp.where(x > 0, size + x, y * guard.ratio(y, size - x))
     a = guard.sqrt(0.5 * twice)
     crossed = 2 * a * c
     s = guard.ratio(size + c * c - crossed, size + c * c + crossed)

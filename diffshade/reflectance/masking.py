@@ -77,7 +77,7 @@ def v_groove(n_dot_l: Plane, n_dot_v: Plane, n_dot_h: Plane, v_dot_h: Plane) -> 
     slope = guard.ratio(2 * n_dot_h, v_dot_h)
     lit = jnp.where(slope * n_dot_l < 1, slope * n_dot_l, 1)
     hidden = slope * n_dot_v < lit
-    return 0.25 * jnp.where(hidden, slope, guard.ratio(lit, jnp.where(hidden, 1, n_dot_v)))
+    return 0.25 * jnp.where(hidden, slope, guard.ratio(lit, n_dot_v))
 
 
 def _steepness(cosine: Plane, alpha: Plane) -> tuple[Plane, Plane]:

@@ -85,10 +85,10 @@ class AbstractMicrofacet(AbstractLobe):
         h, n_dot_v = halfway(l, v), dot(n, v)
         dark = (n_dot_l <= 0) | (n_dot_v <= 0) | (dot(h, h) == 0)
         return Facets(
-            jnp.where(dark, 0, jnp.minimum(versine(n, h), 1)),
+            jnp.minimum(versine(n, h), 1),
             jnp.where(dark, 0, n_dot_l),
             jnp.where(dark, 1, n_dot_v),
-            jnp.where(dark, 1, guard.positive(dot(h, l))),
+            guard.positive(dot(h, l)),
         )
 
     def at(self, angles: Any) -> Channels:

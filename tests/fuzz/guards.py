@@ -41,6 +41,82 @@ ROUNDING = ("tests/test_guard.py::test_arguments_are_harmless_whatever_a_selecti
 RULELESS = ("tests/test_guard.py::test_a_node_without_its_rule_has_the_same_derivatives",)
 LEFT_OF_ONE = ("tests/test_guard.py::test_the_logarithm_of_what_is_left_of_one",)
 REFLECTANCE, NORMALS, LAW = "reflectance/", "geometry/normals.py", "light/attenuation.py"
+FRESNEL, FACETS = "tests/reflectance/test_fresnel.py::", "tests/reflectance/test_microfacet.py::"
+DARK = (FACETS + "test_it_is_dark_behind_the_surface",)
+IN_MICROFACETS = (
+    (
+        "total reflection: before",
+        "fresnel.py",
+        "jnp.where(total, 1, g + cosine)",
+        "g + cosine",
+        (FRESNEL + "test_second_derivatives_are_finite_where_all_is_reflected",),
+    ),
+    (
+        "total reflection: after",
+        "fresnel.py",
+        "jnp.where(total, 1, 0.5 * s * s * (1 + p * p))",
+        "0.5 * s * s * (1 + p * p)",
+        (FRESNEL + "test_all_is_reflected_beyond_the_critical_angle",),
+    ),
+    (
+        "alike media along the surface",
+        "fresnel.py",
+        "jnp.where(across < guard.shortest(across) ** 0.6, 0, across)",
+        "across",
+        (FRESNEL + "test_second_derivatives_are_finite_of_alike_media",),
+    ),
+    (
+        "a metal of a small index",
+        "fresnel.py",
+        "jnp.where(x > 0, size + x, y * guard.ratio(y, size - x))",
+        "size + x",
+        (FRESNEL + "test_the_slope_of_a_metal_in_a_small_index",),
+    ),
+    (
+        "facets too steep: before",
+        "distribution.py",
+        "jnp.where(steep, 1, cosine2)",
+        "cosine2",
+        finite("distribution.beckmann"),
+    ),
+    (
+        "facets too steep: after",
+        "distribution.py",
+        "jnp.where(steep, 0, density)",
+        "density",
+        (FACETS + "test_no_facet_stands_upright",),
+    ),
+    (
+        "the angle of a facet that lies flat",
+        "distribution.py",
+        "jnp.where(versine < near, series, angle * angle)",
+        "angle * angle",
+        (FACETS + "test_the_slope_of_a_gaussian_at_its_peak",),
+    ),
+    (
+        "rational masking beyond its range",
+        "masking.py",
+        "jnp.where(t >= 1.6, 0, near)",
+        "near",
+        (FACETS + "test_no_facet_hides_another_from_above",),
+    ),
+    (
+        "grooves: all of the light",
+        "masking.py",
+        "jnp.where(slope * n_dot_l < 1, slope * n_dot_l, 1)",
+        "slope * n_dot_l",
+        (FACETS + "test_no_more_is_reflected_than_arrives",),
+    ),
+    (
+        "grooves: hidden from the viewer",
+        "masking.py",
+        "jnp.where(hidden, slope, guard.ratio(lit, n_dot_v))",
+        "guard.ratio(lit, n_dot_v)",
+        (FACETS + "test_no_more_is_reflected_than_arrives",),
+    ),
+    ("no light on facets", "microfacet.py", "jnp.where(dark, 0, n_dot_l)", "n_dot_l", DARK),
+    ("facets that are not seen", "microfacet.py", "jnp.where(dark, 1, n_dot_v)", "n_dot_v", DARK),
+)
 IN_GUARD = (
     ("positive", "jnp.where(x <= 0, 0, x)", "jnp.maximum(x, 0)", kink("n.l = 0, diffuse")),
     ("sqrt: before", "jnp.sqrt(jnp.maximum(x, least))", "jnp.sqrt(x)", finite("guard.sqrt")),
@@ -235,12 +311,22 @@ GUARDS = (
         "plane for plane",
         ("tests/geometry/test_normals.py::test_normals_that_cancel_up_to_rounding_are_zero",),
     ),
+    *(Guard(name, f"reflectance/{file}", *rest) for name, file, *rest in IN_MICROFACETS),
+    Guard(
+        "refraction: where nothing goes on",
+        "vector.py",
+        "jnp.where(total, 0, component) for",
+        "component for",
+        ("tests/test_refract.py::test_beyond_the_critical_angle_derivatives_are_zero",),
+    ),
 )
 
 SELECTING = {
     "colour/cie.py": "the branches of L*; a guard among them is in the list",
     "colour/device.py": "the branches of hues and of the saturation",
     "colour/interpolate.py": "the shorter way round",
+    "light/distributed.py": "which axis is another one",
+    "light/spot.py": "where the cone ends",
     "bounds.py": "of values that are never differentiated",
     "geometry/raycast.py": "the same",
     "shading/cull.py": "the same",

@@ -1,10 +1,12 @@
 """Reflectances against the amplitudes of electromagnetic theory, and published values."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import diffshade as ds
+from diffshade import guard
 from diffshade.reflectance.fresnel import conductor, dielectric, schlick
 
 COSINES = np.linspace(0, 1, 1001)[1:]
@@ -47,6 +49,31 @@ def test_all_is_reflected_beyond_the_critical_angle() -> None:
     found = np.asarray(dielectric(at, jnp.asarray(1 / 1.5)))
     assert (found[:3] == 1).all()
     assert (found[3:] < 1).all()
+
+
+def hessian_is_finite(cosine: float, index: float) -> bool:
+    at = jnp.asarray(cosine), jnp.asarray(index)
+    slopes = jax.hessian(dielectric, argnums=(0, 1))(*at)
+    return all(bool(jnp.isfinite(x)) for x in jax.tree.leaves(slopes))
+
+
+def test_second_derivatives_are_finite_where_all_is_reflected() -> None:
+    least = guard.shortest(jnp.zeros(())) ** 0.6
+    for cosine in (0.0, least / 10, 2 * least, 10 * least, 1e-3):
+        assert hessian_is_finite(cosine, 0.25), cosine
+
+
+def test_second_derivatives_are_finite_of_alike_media() -> None:
+    least = guard.shortest(jnp.zeros(())) ** 0.6
+    for power in (0.1, 1.0, 1.5, 2.0, 3.0):
+        assert hessian_is_finite(least**power, 1.0), power
+
+
+def test_the_slope_of_a_metal_in_a_small_index() -> None:
+    """Head-on 1 - F = 4 n / ((n + 1)^2 + k^2), which 1 - F itself has lost to rounding."""
+    n = 1e-9 if jax.config.jax_enable_x64 else 1e-4
+    slope = jax.grad(conductor, argnums=1)(*map(jnp.asarray, (1.0, n, 9.0)))
+    np.testing.assert_allclose(slope, -4 / 82, rtol=1e-3)
 
 
 def test_alike_media_reflect_nothing() -> None:

@@ -126,6 +126,28 @@ def test_it_is_dark_behind_the_surface(name: str) -> None:
         assert shape(lobe, l, v)[0] == 0
 
 
+def test_no_facet_stands_upright() -> None:
+    for versine in (1.0, 1 - 1e-7):
+        found = distribution.beckmann(jnp.asarray(versine, float), jnp.asarray(0.05))
+        assert float(found) == 0
+
+
+def test_the_slope_of_a_gaussian_at_its_peak(tolerance: float) -> None:
+    """theta^2 is 2 (1 - cos) near 0, so that d log D is -2 / alpha^2, and its second 2 / 3 of that."""
+
+    def log(versine: jax.Array) -> jax.Array:
+        return jnp.log(distribution.gaussian(versine, jnp.asarray(0.3)))
+
+    zero = jnp.zeros(())
+    np.testing.assert_allclose(jax.grad(log)(zero), -2 / 0.09, rtol=10 * tolerance)
+    np.testing.assert_allclose(jax.grad(jax.grad(log))(zero), -2 / 3 / 0.09, rtol=100 * tolerance)
+
+
+def test_no_facet_hides_another_from_above() -> None:
+    for shadow in (masking.beckmann_shadow, masking.rational_beckmann_shadow, masking.ggx_shadow):
+        assert abs(float(shadow(jnp.ones(()), jnp.asarray(0.4)))) < 1e-12
+
+
 def test_conventions_of_the_lobe() -> None:
     """At the mirror direction of a head-on light s = D F / 4, D = 1 / (pi alpha^2)."""
     up = vectors(np.ones(1), np.zeros(1))
