@@ -15,9 +15,6 @@ __all__ = ["beckmann", "gaussian", "ggx"]
 
 Plane = Float[Array, "..."]
 
-STEEPEST = 750.0
-"""exp(-750) is 0 in any precision."""
-
 
 def ggx(versine: Plane, alpha: Plane) -> Plane:
     """D = alpha^2 / (pi (alpha^2 cos^2 + sin^2)^2), of Trowbridge and Reitz (1975), Walter (2007)."""
@@ -30,15 +27,12 @@ def ggx(versine: Plane, alpha: Plane) -> Plane:
 def beckmann(versine: Plane, alpha: Plane) -> Plane:
     """D = exp(-tan^2 / alpha^2) / (pi alpha^2 cos^4) (Beckmann 1963, Cook and Torrance 1982).
 
-    0, with derivative 0, for facets so steep that it is below the range of numbers.
+    0, with derivative 0, for facets that stand upright.
     """
-    cosine, sine2 = 1 - versine, _squared_sine(versine)
-    cosine2 = cosine * cosine
-    steep = sine2 > STEEPEST * alpha * alpha * cosine2
-    cosine2 = jnp.where(steep, 1, cosine2)
+    cosine2 = (1 - versine) * (1 - versine)
     scale = guard.ratio(jnp.ones_like(versine), alpha * cosine2)
-    density = jnp.exp(-sine2 * cosine2 * scale * scale) * scale * scale / math.pi
-    return jnp.where(steep, 0, density)
+    exponent = _squared_sine(versine) * cosine2 * scale * scale
+    return jnp.exp(-exponent) * scale * scale / math.pi
 
 
 def gaussian(versine: Plane, alpha: Plane) -> Plane:

@@ -40,9 +40,9 @@ def dielectric(cosine: Plane, index: Plane) -> Plane:
     square = beyond + cosine * cosine
     g = guard.sqrt(square)
     total = (square <= 0) & (beyond < 0)
-    across = jnp.where(total, 1, g + cosine)
-    # So small it is of an index of 1 only; the second derivative has its fourth power
-    across = jnp.where(across < guard.shortest(across) ** 0.6, 0, across)
+    across = g + cosine
+    # So small it is where all is reflected, or of an index of 1; derivatives have its sixth power
+    across = jnp.where(across < guard.shortest(across) ** 0.5, 0, across)
     thin = guard.ratio(beyond, across)
     s = guard.ratio(thin, across)
     p = guard.ratio(cosine * across - 1, cosine * thin + 1)

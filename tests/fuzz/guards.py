@@ -45,14 +45,7 @@ FRESNEL, FACETS = "tests/reflectance/test_fresnel.py::", "tests/reflectance/test
 DARK = (FACETS + "test_it_is_dark_behind_the_surface",)
 IN_MICROFACETS = (
     (
-        "total reflection: before",
-        "fresnel.py",
-        "jnp.where(total, 1, g + cosine)",
-        "g + cosine",
-        (FRESNEL + "test_second_derivatives_are_finite_where_all_is_reflected",),
-    ),
-    (
-        "total reflection: after",
+        "total reflection",
         "fresnel.py",
         "jnp.where(total, 1, 0.5 * s * s * (1 + p * p))",
         "0.5 * s * s * (1 + p * p)",
@@ -61,7 +54,7 @@ IN_MICROFACETS = (
     (
         "alike media along the surface",
         "fresnel.py",
-        "jnp.where(across < guard.shortest(across) ** 0.6, 0, across)",
+        "jnp.where(across < guard.shortest(across) ** 0.5, 0, across)",
         "across",
         (FRESNEL + "test_second_derivatives_are_finite_of_alike_media",),
     ),
@@ -71,20 +64,6 @@ IN_MICROFACETS = (
         "jnp.where(x > 0, size + x, y * guard.ratio(y, size - x))",
         "size + x",
         (FRESNEL + "test_the_slope_of_a_metal_in_a_small_index",),
-    ),
-    (
-        "facets too steep: before",
-        "distribution.py",
-        "jnp.where(steep, 1, cosine2)",
-        "cosine2",
-        finite("distribution.beckmann"),
-    ),
-    (
-        "facets too steep: after",
-        "distribution.py",
-        "jnp.where(steep, 0, density)",
-        "density",
-        (FACETS + "test_no_facet_stands_upright",),
     ),
     (
         "the angle of a facet that lies flat",

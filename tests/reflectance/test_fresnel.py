@@ -58,14 +58,14 @@ def hessian_is_finite(cosine: float, index: float) -> bool:
 
 
 def test_second_derivatives_are_finite_where_all_is_reflected() -> None:
-    least = guard.shortest(jnp.zeros(())) ** 0.6
+    least = guard.shortest(jnp.zeros(())) ** 0.5
     for cosine in (0.0, least / 10, 2 * least, 10 * least, 1e-3):
         assert hessian_is_finite(cosine, 0.25), cosine
 
 
 def test_second_derivatives_are_finite_of_alike_media() -> None:
-    least = guard.shortest(jnp.zeros(())) ** 0.6
-    for power in (0.1, 1.0, 1.5, 2.0, 3.0):
+    least = guard.shortest(jnp.zeros(())) ** 0.5
+    for power in (0.1, 1.0, 1.5, 1.7, 1.9, 2.0, 3.0):
         assert hessian_is_finite(least**power, 1.0), power
 
 

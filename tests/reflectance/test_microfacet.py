@@ -122,7 +122,9 @@ def test_it_is_dark_behind_the_surface(name: str) -> None:
         vectors(np.array([0.5]), np.zeros(1)),
         Vec3(*map(jnp.asarray, ([0.8], [0.0], [-0.6]))),
     )
-    for l, v in ((below, above), (above, below), (below, below), (above, -above)):
+    grazing = Vec3(*map(jnp.asarray, ([0.995], [0.0], [-0.1])))  # h is above the surface
+    pairs = (below, above), (above, below), (below, below), (above, -above), (above, grazing)
+    for l, v in pairs:
         assert shape(lobe, l, v)[0] == 0
 
 
@@ -130,6 +132,14 @@ def test_no_facet_stands_upright() -> None:
     for versine in (1.0, 1 - 1e-7):
         found = distribution.beckmann(jnp.asarray(versine, float), jnp.asarray(0.05))
         assert float(found) == 0
+
+
+def test_steep_facets_in_single_precision() -> None:
+    """Derivatives of an exponent of 1e20 leave its range."""
+    for versine in (1.0, 1 - 1e-7, 1 - 1e-6, 1 - 1e-4):
+        at = jnp.asarray(np.float32(versine)), jnp.asarray(np.float32(1e-3))
+        for slope in jax.tree.leaves(jax.hessian(distribution.beckmann, argnums=(0, 1))(*at)):
+            assert jnp.isfinite(slope), versine
 
 
 def test_the_slope_of_a_gaussian_at_its_peak(tolerance: float) -> None:
@@ -146,6 +156,9 @@ def test_the_slope_of_a_gaussian_at_its_peak(tolerance: float) -> None:
 def test_no_facet_hides_another_from_above() -> None:
     for shadow in (masking.beckmann_shadow, masking.rational_beckmann_shadow, masking.ggx_shadow):
         assert abs(float(shadow(jnp.ones(()), jnp.asarray(0.4)))) < 1e-12
+    for cosine in (0.7, 0.9, 0.999):  # 1 / (alpha tan) is 2.4 and more
+        rational = masking.rational_beckmann_shadow(jnp.asarray(cosine), jnp.asarray(0.4))
+        assert float(rational) == 0
 
 
 def test_conventions_of_the_lobe() -> None:
