@@ -84,13 +84,13 @@ def spot_light(case: dict[str, Any]) -> ds.SpotLight:
 
 
 def glowing(kind: str, case: dict[str, Any]) -> Any:
-    """A light with extent there, of two samples along a side."""
+    """A light with extent there, of one sample along a side, or two."""
     place, side, radiance = case["place"], case["direction"], case["intensity"]
     end = jnp.clip(place + side, -1e6, 1e6)
     emitters: dict[str, Callable[[], Any]] = {
-        "Rectangle": lambda: ds.RectangleLight(place, side, jnp.roll(side, 1), radiance, 2),
-        "Disc": lambda: ds.DiscLight(place, side, case["reach"], radiance, 2),
-        "Sphere": lambda: ds.SphereLight(place, case["reach"], radiance, 2),
+        "Rectangle": lambda: ds.RectangleLight(place, side, jnp.roll(side, 1), radiance, 1),
+        "Disc": lambda: ds.DiscLight(place, side, case["reach"], radiance, 1),
+        "Sphere": lambda: ds.SphereLight(place, case["reach"], radiance, 1),
         "Line": lambda: ds.LineLight(place, end, radiance, 2),
     }
     return emitters[kind]()

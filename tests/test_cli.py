@@ -68,7 +68,7 @@ def test_the_program_answers_help(cache: str) -> None:
         ("render", "SCENE.toml|--out FILE|--precision {32,64}"),
         (
             "fit",
-            "CAPTURE|--out DIR|--json|--precision {32,64}|--model {phong,blinn-phong,lambert,phong2}"
+            "CAPTURE|--out DIR|--json|--precision {32,64}|--model {phong,blinn-phong,lambert,phong2,ggx,"
             "|--white LEVEL|--circle CX,CY,R|--encoding|--hold NAME=VALUE"
             "|--robust|--censor|--gains|--certify|--shard I/N|--processes N|--process I/N"
             "|--coordinator HOST:PORT|--patience SECONDS|(default: phong)|(default: 60)",

@@ -85,9 +85,9 @@ def test_a_sphere_is_a_point_light(tolerance: float) -> None:
         np.abs(
             irradiance(ds.SphereLight(CENTER, 0.3, 1.5, samples), POINTS, NORMALS) - expected
         ).max()
-        for samples in (8, 16, 32)
+        for samples in (5, 10, 20)
     ]
-    assert errors[0] < 0.03 * expected.max()
+    assert errors[0] < 0.08 * expected.max()
     assert errors[2] < errors[0] / 8
 
 
@@ -106,7 +106,7 @@ def test_as_few_samples_as_a_tolerance_takes() -> None:
     g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(20, 20, 2.2))
     material = ds.Material(kd=0.5, specular=ds.Phong(0.3, 20.0))
     lamp = ds.RectangleLight((0.5, 1.0, 2.5), (1, 0, 0), (0, -0.6, 0.6), 3.0)
-    fine = ds.render(g, ds.Scene(lights=lamp.with_samples(32)), material)
+    fine = ds.render(g, ds.Scene(lights=lamp.with_samples(16)), material)
     used = []
     for tolerance in (0.1, 0.01, 0.002):
         few = resolved(lamp, g, material, tolerance)
@@ -114,7 +114,7 @@ def test_as_few_samples_as_a_tolerance_takes() -> None:
         error = np.abs(np.asarray(ds.render(g, ds.Scene(lights=few), material) - fine)).max()
         assert error <= 1.5 * tolerance  # the difference from the next rule is an estimate
     assert used == sorted(used)
-    assert used[0] < used[-1] < 16
+    assert used[0] < used[-1] < 12
     near = ds.RectangleLight((0, 0, 1.001), (2, 0, 0), (0, -2, 0), 3.0)
     with pytest.raises(BadInput, match="24 samples along a side, more than the tolerance of 1e-05"):
         resolved(near, g, material, 1e-5)
