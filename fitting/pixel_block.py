@@ -25,6 +25,7 @@ from diffshade.light.base import AbstractLight
 from diffshade.reflectance.lambert import lambert
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
+from diffshade.shading.one_light import strength
 from diffshade.vector import Vec3, dot
 from fitting.pixel import PixelFit, PixelProblem, Settings, fit_pixels
 
@@ -146,9 +147,7 @@ def _problem(
         def arrives(light: AbstractLight) -> tuple[Array, Array, Array | None]:
             l, distance, emission = light.incidence(position)
             n_dot_l = dot(n, l)
-            f = light.falloff(distance)
-            if emission is not None:
-                f = emission if f is None else emission * f
+            f = strength(light, distance, emission)
             return lambert(n_dot_l), lobe.angles(n, l, v, n_dot_l), f
 
         cosine, angle, f = jax.vmap(arrives)(slot)

@@ -125,8 +125,8 @@ def propagate(
     `rounding` is that of what was observed, by default that of k. `image_pull` is J'r of each image,
     by which `_scatter` judges.
 
-    `report` gives named arrays, of many k and y at once where these have leading axes. A name that
-    of a shape has its interval on the logarithm, on which its estimate is nearer to normal.
+    `report` gives named arrays, of many k and y at once where these have leading axes. What
+    shapes a lobe or a body has its interval on the logarithm, on which its estimate is nearer to normal.
     """
     values, rows = _derivatives(report, at.k.astype(float), y.astype(float))
     position = np.append(at.k.ravel(), y).astype(float)

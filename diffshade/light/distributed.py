@@ -177,39 +177,43 @@ class LineLight(AbstractEmitter):
         )
 
 
-class SurfaceElement(AbstractPointLight):
-    """A piece of a surface that glows to the side of its `normal`: I_p cos(theta) / d^2."""
-
-    position: Float[Array, "3"]
-    normal: Float[Array, "3"]
-    intensity: Float[Array, "..."]
-    attenuation: AbstractAttenuation | None
-
-    def incidence(self, position: Vec3 | None) -> Incidence:
-        arriving = super().incidence(position)
-        cosine = -dot(arriving.l, unit(Vec3.from_array(self.normal)))
-        return arriving._replace(emission=guard.positive(cosine))
-
-
-class TubeElement(AbstractPointLight):
-    """A piece of a tube along `axis`: I_p sin(theta) / d^2 to all sides."""
+class AbstractElement(AbstractPointLight):
+    """A piece of a light with extent: I_p / d^2 times what it sends at an angle to its `axis`."""
 
     position: Float[Array, "3"]
     axis: Float[Array, "3"]
     intensity: Float[Array, "..."]
     attenuation: AbstractAttenuation | None
 
+    @abstractmethod
+    def emitted(self, cosine: Float[Array, "..."]) -> Float[Array, "..."]:
+        """The share that goes out at an angle to the axis, by its cosine."""
+
     def incidence(self, position: Vec3 | None) -> Incidence:
         arriving = super().incidence(position)
-        cosine = dot(arriving.l, unit(Vec3.from_array(self.axis)))
-        return arriving._replace(emission=guard.sqrt(1 - cosine * cosine))
+        cosine = -dot(arriving.l, unit(Vec3.from_array(self.axis)))
+        return arriving._replace(emission=self.emitted(cosine))
+
+
+class SurfaceElement(AbstractElement):
+    """Of a surface that glows to the side of its normal, the axis: cos(theta)."""
+
+    def emitted(self, cosine: Float[Array, "..."]) -> Float[Array, "..."]:
+        return guard.positive(cosine)
+
+
+class TubeElement(AbstractElement):
+    """Of a tube along the axis: sin(theta), to all sides."""
+
+    def emitted(self, cosine: Float[Array, "..."]) -> Float[Array, "..."]:
+        return guard.sqrt(1 - cosine * cosine)
 
 
 def _element(
     place: Float[Array, "3"], normal: Float[Array, "3"], intensity: Float[Array, "..."]
 ) -> SurfaceElement:
     return SurfaceElement(
-        intensity=intensity, position=place, normal=normal, attenuation=InverseSquare()
+        intensity=intensity, position=place, axis=normal, attenuation=InverseSquare()
     )
 
 

@@ -4,8 +4,6 @@ Everything here is G / (4 n.v), which is finite where n.v and n.l vanish and G a
 Smith's (1967) is built of one function of a direction, A(c) = c Lambda(c) for its cosine c with n:
 
     G_1(c) = 1 / (1 + Lambda(c)) = c / (c + A(c))
-
-A is the area of the facets' shadow over that of the surface.
 """
 
 import math

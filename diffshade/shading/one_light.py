@@ -21,7 +21,7 @@ from diffshade.reflectance.material import Material
 from diffshade.shading.lights import LightSums
 from diffshade.vector import Vec3, dot
 
-__all__ = ["Angles", "angles", "lit", "reflected", "unlit"]
+__all__ = ["Angles", "angles", "lit", "reflected", "strength", "unlit"]
 
 Plane = Float[Array, "..."]
 
@@ -68,14 +68,20 @@ def reflected(seen: Angles, light: AbstractLight, material: Material) -> LightSu
 
 def unlit(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
     """f(d) n.l and f(d) s: what a light of intensity 1 reflects."""
-    f = light.falloff(seen.distance)
-    if seen.emission is not None:
-        f = seen.emission if f is None else seen.emission * f
+    f = strength(light, seen.distance, seen.emission)
     diffuse: Channels | None = None
     if material.kd is not None:
         diffuse = _times(f, _diffuse(seen, material.body))
     lobes = zip(material.specular, seen.lobes, strict=True)
     return diffuse, tuple(_times(f, lobe.at(own)) for lobe, own in lobes)
+
+
+def strength(light: AbstractLight, distance: Plane | None, emission: Plane | None) -> Plane | None:
+    """The factor on a light's intensity: its falloff times its emission; None where it is 1."""
+    f = light.falloff(distance)
+    if emission is None:
+        return f
+    return emission if f is None else emission * f
 
 
 def _diffuse(seen: Angles, body: FresnelBody | None) -> Channels:
