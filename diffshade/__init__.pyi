@@ -42,5 +42,6 @@ from .shading.kept_geometry import keep_geometry as keep_geometry
 from .shading.quadrature import resolved as resolved
 from .shading.render import mean_squared_error as mean_squared_error
 from .shading.render import render as render
+from .shading.shadows import shadowed as shadowed
 from .shading.sharded import Sharded as Sharded
 from .shading.sharded import shard as shard

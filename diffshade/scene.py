@@ -6,9 +6,11 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from diffshade.arrays import floats, optional
+from diffshade.buckets import pad
 from diffshade.errors import BadInput
 from diffshade.light.base import AbstractLight
 from diffshade.light.distributed import AbstractEmitter
+from diffshade.light.visible import map_visible
 
 __all__ = ["Scene"]
 
@@ -41,3 +43,9 @@ class Scene(eqx.Module):
         converter=optional(floats("the ambient intensity")), default=None
     )
     lights: tuple[AbstractLight, ...] = eqx.field(converter=_lights, default=())
+
+    def in_bucket(self) -> "Scene":
+        """The same, the planes of its lights padded as `GBuffer.in_bucket` pads those of points."""
+        if all(light.visible is None for light in self.lights):
+            return self
+        return map_visible(pad, self)

@@ -23,6 +23,7 @@ from diffshade.geometry.frequency import Spread
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import AbstractAttenuation
 from diffshade.light.base import AbstractLight
+from diffshade.light.visible import map_visible, visible_of
 from diffshade.reflectance.material import Material
 from diffshade.shading.basis import of_light_sums
 from diffshade.shading.lights import LightSums, add
@@ -150,16 +151,19 @@ class Blocks(eqx.Module):
             return jnp.moveaxis(whole.reshape(*plane.shape[:-1], count, length), -2, 0)
 
         real = np.arange(count * length).reshape(count, 1, length) < size
-        points = surface.spread or (surface.normal, surface.position)
+        points = surface.spread or (surface.normal, surface.position, visible_of(group.lights))
         weight = jnp.where(real, cut(group.weight), 0)
 
         def of_block(block: tuple[Any, Array, Array]) -> Array:
             points, observed, weight = block
+            lights = group.lights
             if surface.spread is None:
                 here = replace(surface, shape=(1, length), normal=points[0], position=points[1])
+                planes = iter(points[2])
+                lights = map_visible(lambda _: next(planes), lights)
             else:
                 here = replace(surface, shape=(1, length), spread=points)
-            some = Group(here, group.ambient, group.lights, observed, weight)
+            some = Group(here, group.ambient, lights, observed, weight)
 
             def of_photo(photo: Photo) -> Array:
                 return of_image(scenery(photo, here, self.material))

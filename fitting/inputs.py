@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 from diffshade.arrays import ArrayLike, is_concrete
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.visible import check_visible
 from diffshade.scene import Scene
 
 __all__ = ["Photograph", "Pixels", "Traced", "match", "traced"]
@@ -148,7 +149,7 @@ def traced(
 
 
 def _traced(k: int, image: Any, gbuffer: GBuffer, scene: Scene, valid: Any) -> Traced:
-    _check_sizes(k, image, gbuffer, valid)
+    _check_sizes(k, image, gbuffer, scene, valid)
     dtype = gbuffer.normal.x.dtype
     at = slice(None) if gbuffer.index is None else jnp.asarray(gbuffer.index)
     observed = jnp.asarray(image, dtype).reshape(-1, image.shape[2])[at].T
@@ -203,7 +204,7 @@ def _masks(given: Any, count: int, what: str, dimensions: tuple[int, ...]) -> li
 def _photograph(
     k: int, image: np.ndarray, gbuffer: GBuffer, scene: Scene, valid: Any, clipped: Any
 ) -> Photograph:
-    _check_sizes(k, image, gbuffer, valid)
+    _check_sizes(k, image, gbuffer, scene, valid)
     given = None if valid is None else np.asarray(valid, bool)
     if clipped is None:
         return Photograph(k, image, gbuffer, scene, given)
@@ -219,7 +220,8 @@ def _photograph(
     return Photograph(k, image, gbuffer, scene, given, limits)
 
 
-def _check_sizes(k: int, image: Any, gbuffer: GBuffer, valid: Any) -> None:
+def _check_sizes(k: int, image: Any, gbuffer: GBuffer, scene: Scene, valid: Any) -> None:
+    check_visible(scene.lights, gbuffer.point_count)
     if image.shape[:2] != gbuffer.shape:
         raise BadInput(
             f"image {k} is {image.shape[:2]} pixels and its G-buffer {gbuffer.shape}: sizes must match"

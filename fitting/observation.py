@@ -23,6 +23,7 @@ from diffshade.buckets import bucket
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import InverseSquare
 from diffshade.light.base import AbstractLight
+from diffshade.light.visible import map_visible
 from diffshade.scene import Scene
 from diffshade.vector import Vec3
 from fitting.arrays import Array
@@ -66,7 +67,10 @@ class Group(eqx.Module):
         surface = _points(self.surface, points)
         clipped = None if self.clipped is None else self.clipped[..., points]
         observed, weight = self.observed[..., points], self.weight[..., points]
-        return Group(surface, self.ambient, self.lights, observed, weight, clipped)
+        lights = self.lights
+        if self.surface.spread is None:
+            lights = map_visible(lambda plane: plane[..., points], lights)
+        return Group(surface, self.ambient, lights, observed, weight, clipped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +175,8 @@ class Stack:
             return out
 
         surface = _of_points(gbuffer, length, filled)
-        return Group(surface, self.ambient, self.lights, observed, weight, clipped, fair)
+        lights = self.lights if gbuffer.spread is not None else map_visible(filled, self.lights)
+        return Group(surface, self.ambient, lights, observed, weight, clipped, fair)
 
 
 def _room(count: int) -> int:

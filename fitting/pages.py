@@ -23,6 +23,7 @@ from diffshade.devices import AXIS, dealt, place
 from diffshade.fusion import search_options
 from diffshade.kept import Kept
 from diffshade.light.point import PointLight
+from diffshade.light.visible import visible_of
 from fitting.arrays import Array
 from fitting.columns import Photo, Scenery, photos, scenery
 from fitting.model import Model
@@ -146,7 +147,8 @@ def _specs(group: Group) -> Group:
 
     def of_points(group: Group) -> list[Any]:
         surface = group.surface
-        shaded = (surface.normal, surface.position) if surface.spread is None else (surface.spread,)
+        at_points = (surface.normal, surface.position, *visible_of(group.lights))
+        shaded = at_points if surface.spread is None else (surface.spread,)
         parts = (group.observed, group.weight, group.clipped, *shaded)
         return [part for part in parts if part is not None]
 

@@ -56,6 +56,11 @@ def lamps(scenes: Sequence[Scene]) -> Lamps:
     kinds: dict[object, list[list[AbstractLight]]] = {}
     for k, scene in enumerate(scenes):
         for light in scene.lights:
+            if light.visible is not None:
+                raise BadInput(
+                    "a light has a plane of what is visible of it, which a fit of every pixel does not"
+                    " take: leave shadowed pixels out by `valid`"
+                )
             leaves, structure = jax.tree.flatten(light)
             kind = structure, *((np.shape(x), x.dtype) for x in leaves)
             kinds.setdefault(kind, [[] for _ in scenes])[k].append(light)

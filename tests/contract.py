@@ -84,6 +84,7 @@ NO_FLOATS = {
         (f"conversion.to_{name}" for name in ("beckmann", "blinn_phong", "ggx", "phong")),
         "makes a lobe of another, whose coefficients it has by the other functions",
     ),
+    "shadowed": "decides on values what is seen of lights, and is never differentiated",
     "resolved": "chooses a number of samples; what it returns is an emitter",
     "conversion.difference": "the largest over many directions: to be read, not descended",
     "fresnel.AbstractFresnel": "the class of its three kinds",

@@ -21,7 +21,7 @@ of a light where n.l < 1e-10. `render` writes a scene from plain dictionaries (t
 - **Normals.** A normal that faces away from the viewer is turned around. On a closed mesh that
   happens next to the outline, where the interpolated normal leans over: compare where n.v > 0.
 - **Outline.** A sphere is missed where the squared half chord is under 1e-10, so rays within
-  5e-11 / r^2 (relative) of the outline miss. There are no shadows (`no_shadow`).
+  5e-11 / r^2 (relative) of the outline miss. There are shadows where asked for.
 - **Numbers.** Geometry is double precision for a sphere and single for a mesh; colours are single.
   The file is linear (`File_Gamma=1.0` with `assumed_gamma 1`), 16 bits, rounded to nearest without
   dithering, so the image is right to 0.5 / 65535 = 7.6e-6 plus single-precision noise.
@@ -59,14 +59,16 @@ def render(
     camera: Plain,
     *,
     ambient: Any = 0.0,
+    shadows: bool = False,
 ) -> Array:
-    """The image [H, W, 3] of (geometry, material) pairs: linear, no shadows, background 0."""
+    """The image [H, W, 3] of (geometry, material) pairs: linear, background 0."""
     scenes = [
         scene(
             [(geometry, _channel(material, k)) for geometry, material in objects],
             [_channel(light, k) for light in lights],
             camera,
             ambient=_number(ambient, k),
+            shadows=shadows,
         )
         for k in range(3)
     ]
@@ -92,6 +94,7 @@ def scene(
     camera: Plain,
     *,
     ambient: float,
+    shadows: bool = False,
 ) -> str:
     """The grey scene as POV-Ray reads it. Every coefficient and intensity is one number."""
     parts = [
@@ -100,7 +103,7 @@ def scene(
         f"ambient_light rgb {ambient!r} adc_bailout 0 max_trace_level 1 }}",
         _camera(camera),
         *(_light(light) for light in lights),
-        *(_object(geometry, material) for geometry, material in objects),
+        *(_object(geometry, material, shadows) for geometry, material in objects),
     ]
     return "\n".join(parts) + "\n"
 
@@ -148,12 +151,13 @@ def _light(light: Plain) -> str:
     return f"light_source {{ {_vector(light['position'])} rgb {intensity!r}{fade} }}"
 
 
-def _object(geometry: Plain, material: Plain) -> str:
+def _object(geometry: Plain, material: Plain, shadows: bool) -> str:
     finish = (
         f"ambient {material['ka']!r} diffuse {material['kd']!r} "
         f"phong {material['ks']!r} phong_size {float(material.get('shininess', 1.0))!r}"
     )
-    texture = f"texture {{ pigment {{ rgb 1 }} finish {{ {finish} }} }} no_shadow"
+    texture = f"texture {{ pigment {{ rgb 1 }} finish {{ {finish} }} }}"
+    texture += "" if shadows else " no_shadow"
     if geometry["kind"] == "sphere":
         center, radius = geometry["center"], float(geometry["radius"])
         return f"sphere {{ {_vector(center)}, {radius!r} {texture} }}"

@@ -23,7 +23,7 @@ def render(path: Path, *, out: Path, allow_outside: bool) -> int:
     gbuffer = file.gbuffer(path)
     progress(f"rendering {gbuffer.pixel_count} pixels")
     with naming(path):
-        image = np.asarray(render_image(gbuffer, file.scene, file.material))
+        image = np.asarray(render_image(gbuffer, file.lit(gbuffer), file.material))
     write_image(out, image)
     brighter = np.mean(image[gbuffer.mask].max(axis=-1) > 1)
     if brighter and out.suffix.lower() == ".png":

@@ -46,6 +46,11 @@ class GBuffer(eqx.Module):
         return self.shape[0] * self.shape[1] if self.index is None else self.index.shape[0]
 
     @property
+    def point_count(self) -> int:
+        """How many points are shaded: the foreground pixels, or else faces or vertices."""
+        return self.normal.x.shape[-1]
+
+    @property
     def mask(self) -> Bool[np.ndarray, "H W"]:
         """Which pixels are foreground: a plain array, of a G-buffer that is not traced."""
         if self.index is None:

@@ -103,6 +103,17 @@ class Mesh(AbstractSurface):
 
         return cast(self, camera)
 
+    def hides(
+        self,
+        points: Float[np.ndarray, "N 3"],
+        towards: Float[np.ndarray, "N 3"],
+        distance: Float[np.ndarray, "N"],
+        eps: float,
+    ) -> Bool[np.ndarray, "N"]:
+        from diffshade.geometry.occlusion import hidden_by_mesh
+
+        return hidden_by_mesh(self, points, towards, distance, eps)
+
     def prepared(self) -> "Mesh":
         if self.normals is not None:
             return self

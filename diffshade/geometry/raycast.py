@@ -27,7 +27,7 @@ from diffshade.geometry.remembered import remembered
 from diffshade.geometry.surface import Visibility
 from diffshade.vector import Vec3, cross, dot
 
-__all__ = ["cast"]
+__all__ = ["Target", "cast", "target_of"]
 
 BLOCK = 2**15
 """Pixels whose rays a thread has in memory at once, whatever the size of the image."""
@@ -36,7 +36,7 @@ VIEWS = 4
 """How many cameras' views of a mesh are remembered."""
 
 
-class _Target(NamedTuple):
+class Target(NamedTuple):
     """A mesh that rays can be cast at, in its unit coordinates, and the last views of it."""
 
     scene: Any
@@ -70,7 +70,7 @@ def cast(mesh: Mesh, camera: AbstractCamera) -> Visibility:
     Raises `BadInput` where there is nothing to see (no faces, or none with an area), where a face
     has a vertex that is not finite, and where Embree is not installed.
     """
-    target = _target(jnp.asarray(mesh.vertices), jnp.asarray(mesh.faces))
+    target = target_of(mesh)
     leaves, structure = jax.tree.flatten(camera)
     key = structure, *((str(np.asarray(x).dtype), np.asarray(x).tobytes()) for x in leaves)
     seen = target.views.pop(key, None)
@@ -82,8 +82,13 @@ def cast(mesh: Mesh, camera: AbstractCamera) -> Visibility:
     return seen
 
 
+def target_of(mesh: Mesh) -> Target:
+    """The mesh as Embree knows it, kept while its vertices and faces live. Raises as `cast` does."""
+    return _target(jnp.asarray(mesh.vertices), jnp.asarray(mesh.faces))
+
+
 @remembered
-def _target(vertices: Float[Array, "V 3"], faces: Int[Array, "F 3"]) -> _Target:
+def _target(vertices: Float[Array, "V 3"], faces: Int[Array, "F 3"]) -> Target:
     points, triangles = np.asarray(vertices, np.float64), np.asarray(faces)
     used = np.zeros(len(points), bool)
     used[triangles] = True  # the other vertices may be anything
@@ -99,7 +104,7 @@ def _target(vertices: Float[Array, "V 3"], faces: Int[Array, "F 3"]) -> _Target:
     points, triangles = (points - centre) / radius, triangles[solid].astype(np.int32)
     scene = _embree(points.astype(np.float32), triangles)
     with jax.enable_x64(True):
-        return _Target(
+        return Target(
             scene,
             solid.astype(np.int32),
             corners=jnp.asarray(points[triangles].reshape(-1, 9)),
@@ -140,7 +145,7 @@ def _embree(points: Float[np.ndarray, "U 3"], triangles: Int[np.ndarray, "S 3"])
     return scene
 
 
-def _cast(target: _Target, camera: AbstractCamera, dtype: np.dtype) -> Visibility:
+def _cast(target: Target, camera: AbstractCamera, dtype: np.dtype) -> Visibility:
     total = camera.width * camera.height
     count = min(BLOCK, bucket(total))
     exact = jax.tree.map(partial(np.asarray, dtype=np.float64), camera.unframed())

@@ -56,6 +56,22 @@ class Sphere(AbstractSurface):
         # LIGHT-16, the other way round: from the eye, which may be far, rounding would be larger.
         return Vec3.from_array(self.center) + normal * self.radius, normal
 
+    def hides(
+        self,
+        points: Float[np.ndarray, "N 3"],
+        towards: Float[np.ndarray, "N 3"],
+        distance: Float[np.ndarray, "N"],
+        eps: float,
+    ) -> Bool[np.ndarray, "N"]:
+        # From a point of the sphere a ray comes nearer to the centre only where it goes in, and there
+        # n.l < 0: whatever rounding says of such a point, it is dark.
+        from_centre = points - np.asarray(self.center, np.float64)
+        along = -(from_centre * towards).sum(axis=1)
+        near = from_centre + along[:, None] * towards
+        depth_squared = float(self.radius) ** 2 - (near * near).sum(axis=1)
+        enters = along - np.sqrt(np.maximum(depth_squared, 0))
+        return (along > 0) & (depth_squared > 0) & (enters < distance)
+
     def _closest(self, rays: Rays) -> tuple[Float[Array, "P"], Vec3, Float[Array, "P"]]:
         """Of each ray, where it passes closest to the centre, that point from there, and z^2 there."""
         origin, direction = rays

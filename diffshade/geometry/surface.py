@@ -3,7 +3,8 @@
 from abc import abstractmethod
 
 import equinox as eqx
-from jaxtyping import Array, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import AbstractCamera, Rays
@@ -50,6 +51,20 @@ class AbstractSurface(eqx.Module):
     @abstractmethod
     def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
         """Positions and unit normals where the visible pixels' rays meet it, differentiable in both."""
+
+    @abstractmethod
+    def hides(
+        self,
+        points: Float[np.ndarray, "N 3"],
+        towards: Float[np.ndarray, "N 3"],
+        distance: Float[np.ndarray, "N"],
+        eps: float,
+    ) -> Bool[np.ndarray, "N"]:
+        """Of which points it stands in the way to a source, `distance` off in a direction `towards` it.
+
+        Directions are unit vectors, a distance may be infinite, and `eps` is the rounding of the points'
+        coordinates. A point of the surface itself does not stand in its own way. On concrete values.
+        """
 
     def prepared(self) -> "AbstractSurface":
         """The same surface, with what takes long and every camera needs computed beforehand."""

@@ -5,6 +5,7 @@
     ambient  = [0.1, 0.1, 0.1]                       # optional
     shading  = "phong"                               # or "flat", "gouraud"; optional
     lights   = [{ kind = "parallel", direction = [0, 0, 1], intensity = 1.0 }]
+    shadows  = true                                  # that the surface throws on itself; optional
     [material]                                       # optional for a mesh that has materials
     ka = 0.1                                         # each term is optional: left out, it is absent
     kd = [0.6, 0.3, 0.2]
@@ -20,6 +21,7 @@ colours. `schema = "diffshade.scene/1"` may stand at the top.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -40,6 +42,8 @@ if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
     from diffshade.geometry.surface import AbstractSurface
     from diffshade.io.normals_file import NormalMap
+    from diffshade.light.base import AbstractLight
+    from diffshade.light.distributed import AbstractEmitter
     from diffshade.reflectance.lobe import AbstractLobe
     from diffshade.reflectance.material import Material
     from diffshade.scene import Scene
@@ -47,6 +51,7 @@ if TYPE_CHECKING:
 __all__ = ["SCHEMA", "SceneFile", "read_scene_toml"]
 
 SCHEMA = "diffshade.scene/1"
+OPTIONAL = ("schema", "camera", "ambient", "lights", "material", "shading", "shadows")
 
 
 class SceneFile(NamedTuple):
@@ -59,6 +64,9 @@ class SceneFile(NamedTuple):
     """One, or those of a mesh's slots, as `ds.render` takes them."""
     shading: AbstractFrequency | None
     """None where the file does not say: once a pixel."""
+    lights: tuple[AbstractLight | AbstractEmitter, ...]
+    """Those of the scene, lights with extent as they are."""
+    shadows: bool
     notes: tuple[str, ...]
     """What was found on reading, one line each, for the user to see."""
 
@@ -66,18 +74,29 @@ class SceneFile(NamedTuple):
         """The G-buffer to render; complaints name the file `path`."""
         return view_through(self.geometry, self.camera, path, shading=self.shading)
 
+    def lit(self, gbuffer: GBuffer) -> Scene:
+        """The scene as the points of a G-buffer see it, with shadows where the file asks for them."""
+        from diffshade.geometry.surface import AbstractSurface
+        from diffshade.shading.shadows import shadowed
+
+        if not self.shadows:
+            return self.scene
+        assert isinstance(self.geometry, AbstractSurface)
+        return replace(self.scene, lights=shadowed(self.lights, gbuffer, self.geometry))
+
 
 def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     """Read a `scene.toml`. Raises `BadInput`, in one line, for what is unknown, missing or wrong, and
     for a file outside the folder unless `allow_outside`.
 
     >>> file = read_scene_toml(path)
-    >>> image = ds.render(file.gbuffer(path), file.scene, file.material)
+    >>> gbuffer = file.gbuffer(path)
+    >>> image = ds.render(gbuffer, file.lit(gbuffer), file.material)
     """
     from diffshade.scene import Scene
 
     top = read_toml(path, allow_outside=allow_outside)
-    top.expect(("geometry",), ("schema", "camera", "ambient", "lights", "material", "shading"))
+    top.expect(("geometry",), OPTIONAL)
     if "schema" in top:
         top.choice("schema", (SCHEMA,))
     shading = _shading(top) if "shading" in top else None
@@ -92,16 +111,20 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     if "material" in top:
         material = _material(top.table("material"))
     with top.naming():
-        scene = Scene(ambient=ambient, lights=tuple(map(read_light, lights)))
+        given = tuple(map(read_light, lights))
+        scene = Scene(ambient=ambient, lights=given)
     _one_channel_count(top, lights)
     geometry, camera, notes = read_view(top)
     refuse_near_lights(geometry, lights)
+    shadows = "shadows" in top and top.truth("shadows")
+    if shadows and top.table("geometry").values["kind"] == "normals":
+        top.fail("shadows need a surface, and a map of normals is none; leave shadows out")
     if material is None:
         of_mesh: tuple[Material, ...] = getattr(geometry, "materials", ())
         if not of_mesh:
             top.fail('the key "material" is missing; only a mesh with materials needs none')
         material = of_mesh
-    return SceneFile(geometry, camera, scene, material, shading, notes)
+    return SceneFile(geometry, camera, scene, material, shading, given, shadows, notes)
 
 
 def _shading(top: Table) -> AbstractFrequency:

@@ -6,12 +6,16 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from diffshade.arrays import floats, optional
 from diffshade.bounds import Ball, Cone
 from diffshade.vector import Vec3
 
-__all__ = ["AbstractLight", "Incidence", "Incoming"]
+__all__ = ["AbstractLight", "Incidence", "Incoming", "share"]
 
 Plane = Float[Array, "..."]
+
+share = optional(floats("what is visible of a light"))
+"""The converter of `AbstractLight.visible`."""
 
 
 class Incidence(NamedTuple):
@@ -34,9 +38,14 @@ class Incoming(NamedTuple):
 
 
 class AbstractLight(eqx.Module):
-    """A source of light with an intensity I_p: one number, or one a channel."""
+    """A source of light with an intensity I_p: one number, or one a channel.
+
+    `visible` is the share of it, 0 to 1, that each point of a G-buffer sees, a factor on the intensity
+    there: a plane [P], as `shading.shadows` computes it. None, which is not compiled, is all of it.
+    """
 
     intensity: eqx.AbstractVar[Float[Array, "..."]]
+    visible: eqx.AbstractVar[Plane | None]
 
     @property
     def is_finite(self) -> bool:

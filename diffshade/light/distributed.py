@@ -25,7 +25,7 @@ from diffshade import guard
 from diffshade.arrays import floats, is_concrete, positive, vector
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation, InverseSquare
-from diffshade.light.base import AbstractLight, Incidence
+from diffshade.light.base import AbstractLight, Incidence, share
 from diffshade.light.point import AbstractPointLight
 from diffshade.vector import Vec3, cross, dot, length, unit
 
@@ -184,6 +184,7 @@ class AbstractElement(AbstractPointLight):
     axis: Float[Array, "3"]
     intensity: Float[Array, "..."]
     attenuation: AbstractAttenuation | None
+    visible: Float[Array, "..."] | None = eqx.field(converter=share, default=None, kw_only=True)
 
     @abstractmethod
     def emitted(self, cosine: Float[Array, "..."]) -> Float[Array, "..."]:

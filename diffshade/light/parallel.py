@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 
 from diffshade.arrays import floats, vector
 from diffshade.bounds import Ball, Cone
-from diffshade.light.base import AbstractLight, Incidence, Incoming
+from diffshade.light.base import AbstractLight, Incidence, Incoming, share
 from diffshade.vector import Vec3, unit
 
 __all__ = ["ParallelLight"]
@@ -27,6 +27,7 @@ class ParallelLight(AbstractLight):
     intensity: Float[Array, "..."] = eqx.field(
         converter=floats("the light's intensity"), default=1.0
     )
+    visible: Float[Array, "..."] | None = eqx.field(converter=share, default=None, kw_only=True)
 
     def incidence(self, position: Vec3 | None) -> Incidence:
         return Incidence(unit(Vec3.from_array(self.direction)), None)

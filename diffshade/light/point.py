@@ -8,7 +8,7 @@ from diffshade.arrays import floats, vector
 from diffshade.bounds import Ball
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation, Windowed
-from diffshade.light.base import AbstractLight, Incidence, Incoming
+from diffshade.light.base import AbstractLight, Incidence, Incoming, share
 from diffshade.vector import Vec3, dot
 
 __all__ = ["AbstractPointLight", "PointLight"]
@@ -68,3 +68,4 @@ class PointLight(AbstractPointLight):
         converter=floats("the light's intensity"), default=1.0
     )
     attenuation: AbstractAttenuation | None = None
+    visible: Float[Array, "..."] | None = eqx.field(converter=share, default=None, kw_only=True)

@@ -12,7 +12,7 @@ from diffshade import guard
 from diffshade.arrays import floats, is_concrete, optional, positive, vector
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation
-from diffshade.light.base import Incidence
+from diffshade.light.base import Incidence, share
 from diffshade.light.point import AbstractPointLight
 from diffshade.vector import Vec3, dot, unit
 
@@ -53,6 +53,7 @@ class SpotLight(AbstractPointLight):
     exponent: Float[Array, ""] = eqx.field(converter=positive("the light's exponent"), default=1.0)
     cutoff: Float[Array, ""] | None = eqx.field(converter=optional(_cutoff), default=None)
     attenuation: AbstractAttenuation | None = None
+    visible: Float[Array, "..."] | None = eqx.field(converter=share, default=None, kw_only=True)
 
     def incidence(self, position: Vec3 | None) -> Incidence:
         arriving = super().incidence(position)

@@ -21,6 +21,7 @@ from diffshade.errors import BadInput
 from diffshade.fusion import Led, kept, packed
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
+from diffshade.light.visible import check_visible
 from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.cull import at_most, tile_of
@@ -78,9 +79,11 @@ def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
     [(32,)]
     """
     check_maps(gbuffer, material)
+    check_visible(scene.lights, gbuffer.point_count)
     if not are_at_hand((gbuffer, scene, material)):
         return _terms(gbuffer, scene, material)
-    found = _terms.outermost(gbuffer.in_bucket(), scene, with_padded_maps(material))
+    more = gbuffer.in_bucket(), scene.in_bucket(), with_padded_maps(material)
+    found = _terms.outermost(*more)
     return cut(found, gbuffer.pixel_count)
 
 

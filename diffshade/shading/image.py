@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from diffshade.channels import Channels, per_channel
 from diffshade.fusion import is_led, keeping, kept, page_size, stored
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.visible import are_planes
 from diffshade.pages import map_pages, sum_pages
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
@@ -132,7 +133,9 @@ def _arguments(
 
 
 def _planes(arguments: Arguments) -> Arguments:
-    """Which arrays are planes over the pixels: the G-buffer's but the eye's, known angles, maps."""
+    """Which arrays are planes over the pixels: the G-buffer's but the eye's, what is visible of lights,
+    known angles, maps.
+    """
 
     def all_of(tree: Any, are: bool) -> PyTree:
         return jax.tree.map(lambda _: are, tree)
@@ -142,7 +145,7 @@ def _planes(arguments: Arguments) -> Arguments:
         planes_of(KeptGeometry(gbuffer, None)).gbuffer,
         all_of(ambient, False),
         tuple(
-            all_of(x, False) if isinstance(x, Many) else (all_of(x[0], False), all_of(x[1], True))
+            are_planes(x) if isinstance(x, Many) else (are_planes(x[0]), all_of(x[1], True))
             for x in lights
         ),
         jax.tree.map(lambda x: x.ndim == 2, material),

@@ -1,6 +1,7 @@
 """A surface that can be shaded: a G-buffer, and what of its geometry is kept from call to call."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,6 +10,7 @@ from jaxtyping import Array, PyTree, Shaped
 from diffshade.buckets import are_at_hand, cut, pad
 from diffshade.fusion import Led
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.visible import check_visible
 from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.one_light import Angles, angles
@@ -61,10 +63,13 @@ def kinds(scene: Scene, material: Material) -> tuple[str, ...]:
     """The kinds of lights, lobes and body, in order."""
     body = () if material.body is None else (material.body,)
     parts = (*scene.lights, *material.specular, *body)
-    weighted = (getattr(x, "weight", None) is not None for x in parts)
-    return tuple(
-        "weighted " * has + type(x).__name__ for x, has in zip(parts, weighted, strict=True)
-    )
+
+    def kind(part: Any) -> str:
+        weighted = "weighted " * (getattr(part, "weight", None) is not None)
+        shadowed = "shadowed " * (getattr(part, "visible", None) is not None)
+        return weighted + shadowed + type(part).__name__
+
+    return tuple(map(kind, parts))
 
 
 def keep_geometry(
@@ -84,11 +89,12 @@ def keep_geometry(
     >>> ds.render(keep_geometry(g, scene, material), scene, material).shape
     (8, 8, 1)
     """
+    check_visible(scene.lights, gbuffer.point_count)
     if not isinstance(material, Material):
         material = material[0]  # those of one object have the same lobes
     if are_at_hand((gbuffer, scene, material)):
-        more = gbuffer.in_bucket(), scene, with_padded_maps(material)
-        seen = cut(_angles.outermost(*more), gbuffer.normal.x.shape[-1])
+        more = gbuffer.in_bucket(), scene.in_bucket(), with_padded_maps(material)
+        seen = cut(_angles.outermost(*more), gbuffer.point_count)
     else:
         seen = _angles(gbuffer, scene, material)
     return KeptGeometry(gbuffer, seen, kinds(scene, material))

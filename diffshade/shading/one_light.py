@@ -29,7 +29,8 @@ Plane = Float[Array, "..."]
 class Angles(eqx.Module):
     """At points under one light: n.l, what each lobe needs, and the distance where it matters.
 
-    `n_dot_v` is max(0, n.v), where a body needs it; `emission` that of `Incidence`.
+    `n_dot_v` is max(0, n.v), where a body needs it; `emission` that of `Incidence`, times the share of
+    the light that is visible.
     """
 
     n_dot_l: Plane
@@ -52,6 +53,8 @@ def angles(
     """
     n = gbuffer.normal
     l, distance, emission = light.incidence(gbuffer.position)
+    if light.visible is not None:
+        emission = light.visible if emission is None else emission * light.visible
     n_dot_l = dot(n, l)
     if not lobes and body is None:
         return Angles(n_dot_l, (), distance, emission=emission)

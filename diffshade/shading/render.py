@@ -13,6 +13,7 @@ from diffshade.buckets import are_at_hand, pad
 from diffshade.errors import BadInput
 from diffshade.fusion import Led
 from diffshade.geometry.gbuffer import GBuffer, check_lengths
+from diffshade.light.visible import check_visible
 from diffshade.reflectance.material import Material, by_slot, check_slots, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.basis import check_maps
@@ -67,7 +68,7 @@ def render(
     given = (surface, scene, materials)
     if isinstance(surface, Sharded) or error is not None or not are_at_hand(given):
         return _render(surface, scene, materials, plain, error)
-    more = surface.in_bucket(), scene, with_padded_maps(materials)
+    more = surface.in_bucket(), scene.in_bucket(), with_padded_maps(materials)
     return surface.gbuffer.placed(_rows.outermost(*more, surface.pixel_count, plain))
 
 
@@ -119,7 +120,7 @@ def mean_squared_error(
     error = error_of_lights(surface, scene, plain, _tolerance(tolerance))
     if isinstance(surface, Sharded) or error is not None or not are_at_hand(arguments):
         return _mean_squared_error(*arguments, None, plain, error)
-    more = surface.in_bucket(), scene, with_padded_maps(materials), pad(observed)
+    more = surface.in_bucket(), scene.in_bucket(), with_padded_maps(materials), pad(observed)
     return _mean_squared_error.outermost(*more, pixels, plain, None)
 
 
@@ -135,6 +136,7 @@ def _checked(
 ) -> tuple[KeptGeometry | Sharded, Scene, Materials]:
     surface = KeptGeometry(gbuffer, None) if isinstance(gbuffer, GBuffer) else gbuffer
     check_lengths(surface.gbuffer)
+    check_visible(scene.lights, surface.gbuffer.point_count)
     slot = surface.gbuffer.slot
     several = [material] if isinstance(material, Material) else list(material)
     if not several:

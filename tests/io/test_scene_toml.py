@@ -188,6 +188,7 @@ def test_a_map_of_normals_is_shaded_without_a_camera(tmp_path: Path) -> None:
         ("ambient ", 'schema = "x"\nambient ', 'give one of "diffshade.scene/1"'),
         ("ambient ", 'shading = "toon"\nambient ', 'give one of "phong", "flat", "gouraud"'),
         ("ambient ", 'shading = "flat"\nambient ', "which has no faces"),
+        ("ambient ", "shadows = 1\nambient ", "shadows is 1; give true or false"),
         (", c0 = 1, c2 = 0.05", "", "light 1: its attenuation has no numbers"),
         ("c0 = 1, c2 = 0.05", "reach = 3", 'the key "c0" is missing'),
         ("fov = 0.5", "fov = 45", "camera: fov is 45"),
@@ -215,3 +216,65 @@ def test_what_cannot_be_used_is_refused(tmp_path: Path, old: str, new: str, told
     assert told in message
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
+
+
+def test_a_mesh_in_its_own_shadow(tmp_path: Path) -> None:
+    """A roof over half of a floor: under a light from above what it covers has the ambient light."""
+    rows = [
+        "v -1 -1 0",
+        "v 1 -1 0",
+        "v 1 1 0",
+        "v -1 1 0",
+        "v 0 -1 1",
+        "v 2 -1 1",
+        "v 2 1 1",
+        "v 0 1 1",
+    ]
+    faces = ["f 1 2 3", "f 1 3 4", "f 5 6 7", "f 5 7 8"]
+    (tmp_path / "roof.obj").write_text("\n".join([*rows, *faces]) + "\n")
+    text = """
+        ambient = 0.5
+        shadows = true
+        material = { ka = 0.2, kd = 0.5 }
+        geometry = { kind = "mesh", file = "roof.obj" }
+        [camera]
+        kind = "orthographic"
+        width = 24
+        height = 24
+        extent = 1.9
+        position = [0, 0, 0.5]
+        target = [0, 0, 0]
+        up = [0, 1, 0]
+        [[lights]]
+        kind = "parallel"
+        direction = [0, 0, 1]
+        intensity = 1.0
+        [[lights]]
+        kind = "rectangle"
+        center = [0, 0, 40]
+        u = [1, 0, 0]
+        v = [0, -1, 0]
+        radiance = 800
+        samples = 2
+    """
+    path = tmp_path / "roof.toml"
+    path.write_text(text)
+    file = read_scene_toml(path)
+    assert len(file.lights) == 2
+    gbuffer = file.gbuffer(path)
+    image = np.asarray(render(gbuffer, file.lit(gbuffer), file.material))[..., 0]
+    np.testing.assert_allclose(image[:, 13:], 0.1, rtol=1e-5)
+    np.testing.assert_allclose(image[:, :10], 0.1 + 0.5 * (1 + 0.5), rtol=5e-3)
+    path.write_text(text.replace("shadows = true", ""))
+    assert read_scene_toml(path).lit(gbuffer).lights[0].visible is None
+
+
+def test_a_map_of_normals_has_no_shadows(tmp_path: Path) -> None:
+    np.save(tmp_path / "n.npy", np.ones((4, 4, 3)))
+    path = tmp_path / "s.toml"
+    path.write_text(
+        'geometry = { kind = "normals", file = "n.npy" }\nambient = 1\nshadows = true\n'
+        "material = { ka = 1 }\n"
+    )
+    with pytest.raises(BadInput, match="shadows need a surface"):
+        read_scene_toml(path)

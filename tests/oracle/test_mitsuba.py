@@ -131,7 +131,8 @@ def test_the_body_of_a_rough_plastic_is_near(alpha: float, most: float) -> None:
 
 
 @pytest.mark.slow
-def test_a_floor_under_a_rectangle_by_path_tracing() -> None:
+@pytest.mark.parametrize("shadow", [False, True])
+def test_a_floor_under_a_rectangle_by_path_tracing(shadow: bool) -> None:
     """1,024 paths a pixel: noise of 0.1 %, whose mean over the image is off by no more than 0.05 %."""
     mi = mitsuba()
     transform, size = mi.ScalarTransform4f, 24
@@ -162,13 +163,29 @@ def test_a_floor_under_a_rectangle_by_path_tracing() -> None:
             "emitter": {"type": "area", "radiance": rgb(2.0)},
         },
     }
+    ball = ds.Sphere((0.2, 0.3, 0.3), 0.15)
+    if shadow:
+        dark = {"type": "diffuse", "reflectance": rgb(0.0)}
+        place = {"center": [0.2, 0.3, 0.3], "radius": 0.15}
+        scene["ball"] = {"type": "sphere", **place, "bsdf": dark}
     traced = np.array(mi.render(mi.load_dict(scene)))[..., 0]
     corners = np.array([[-3.0, -3.0, 0.0], [3.0, -3.0, 0.0], [3.0, 3.0, 0.0], [-3.0, 3.0, 0.0]])
     floor = ds.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     view = ds.OrthographicCamera(size, size, 1.0, position=(0, -5, 5), **pose)
     lamp = ds.RectangleLight(center, u, v, 2.0, samples=12)
     material = ds.Material(kd=0.5 / np.pi)
-    ours = np.asarray(ds.render(ds.gbuffer(floor, view), ds.Scene(lights=lamp), material))[..., 0]
-    apart = traced / ours - 1
+    gbuffer = ds.gbuffer(floor, view)
+    if shadow:
+        lit = ds.Scene(lights=ds.shadowed(lamp, gbuffer, ball))
+        free = ~np.pad(ds.gbuffer(ball, view).mask, 1)
+        free = (
+            free[1:-1, 1:-1] & free[2:, 1:-1] & free[:-2, 1:-1] & free[1:-1, 2:] & free[1:-1, :-2]
+        )
+    else:
+        lit, free = ds.Scene(lights=lamp), np.ones((size, size), bool)
+    ours = np.asarray(ds.render(gbuffer, lit, material))[..., 0]
+    bright = np.asarray(ds.render(gbuffer, ds.Scene(lights=lamp), material))[..., 0]
+    assert not shadow or (ours < 0.2 * bright)[free].any()
+    apart = ((traced - ours) / bright)[free]
     assert abs(apart.mean()) < 5e-4
-    assert np.abs(apart).max() < 0.01
+    assert np.abs(apart).max() < (0.02 if shadow else 0.01)  # a pixel in a penumbra is a mean

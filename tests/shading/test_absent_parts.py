@@ -190,3 +190,9 @@ def test_a_thousand_lights_compile_like_sixteen() -> None:
         len(e.invars) for e in equations(program) if e.primitive.name in ("concatenate", "stack")
     ]
     assert 1 < max(joined) <= 32
+
+
+def test_no_shadows() -> None:
+    free = planes(ds.Scene(lights=ATTENUATED), FULL)
+    shadowed = ds.shadowed(ATTENUATED, GBUFFER, ds.Sphere((1, 1, 2), 0.4))
+    assert planes(ds.Scene(lights=shadowed), FULL) - free == Counter(mul=1)
