@@ -96,6 +96,23 @@ def _render(parser: ArgumentParser) -> None:
     _precision(parser)
 
 
+def _view(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "path",
+        metavar="FIT_OR_SCENE",
+        type=Path,
+        help="A scene.toml, or a fit.json, whose material is shown on a ball.",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        type=Path,
+        help="The page; by default beside the file, with its name and .html.",
+    )
+    _outside(parser)
+    _precision(parser)
+
+
 def _fit(parser: ArgumentParser) -> None:
     parser.add_argument(
         "captures",
@@ -243,6 +260,10 @@ COMMANDS = {
         _demo,
     ),
     "render": ("Render a sphere or a mesh under lights.", _render),
+    "view": (
+        "Write an HTML page that shows a scene or a fit, with a slider for every coefficient.",
+        _view,
+    ),
     "fit": (
         "Recover a material's coefficients and their standard errors from photographs.",
         _fit,
