@@ -58,7 +58,7 @@ def results(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_program_answers_help(cache: str) -> None:
     done = program("--help", XDG_CACHE_HOME=cache)
     assert (done.returncode, done.stderr) == (0, "")
-    assert all(command in done.stdout for command in ("demo", "render", "fit", "evaluate"))
+    assert all(command in done.stdout for command in ("demo", "render", "view", "fit", "evaluate"))
 
 
 @pytest.mark.parametrize(
@@ -66,6 +66,7 @@ def test_the_program_answers_help(cache: str) -> None:
     [
         ("demo", "--out DIR|--json|--precision {32,64}"),
         ("render", "SCENE.toml|--out FILE|--precision {32,64}"),
+        ("view", "FIT_OR_SCENE|--out FILE|--allow-outside|--precision {32,64}"),
         (
             "fit",
             "CAPTURE|--out DIR|--json|--precision {32,64}|--model {phong,blinn-phong,lambert,phong2,ggx,"
@@ -139,6 +140,8 @@ def test_help_whose_reader_is_gone(cache: str) -> None:
         "fit x --patience soon",
         "evaluate fit.json",
         "render scene.toml",
+        "view",
+        "view scene.toml --json",
     ],
 )
 def test_wrong_usage_is_status_2(words: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,6 +38,7 @@ def test_what_is_imported_is_seen() -> None:
         ("--help", 0),
         ("demo --help", 0),
         ("render --help", 0),
+        ("view --help", 0),
         ("fit --help", 0),
         ("evaluate --help", 0),
         ("", 2),

@@ -1,7 +1,8 @@
-"""`diffshade view`: a page that shows a scene, or the material of a fit, with a slider for every coefficient."""
+"""`diffshade view`: a page with a scene, or the material of a fit, and a slider for every coefficient."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ TOWARDS = (-0.5, 0.6, 0.9)
 """Where the light stands that a fit is shown under."""
 SIZE = 512
 MARGIN = 1.1
+"""The width of its picture over that of the ball."""
 
 
 def view(path: Path, *, out: Path | None, allow_outside: bool) -> int:
@@ -69,14 +71,15 @@ def _of_fit(path: Path) -> Shown:
     document = read_json(path, "a fit.json, or a scene.toml")
     material, attenuation = material_from_json(document)
     distance = _distance(document.values["coefficients"].get("attenuation"))
-    radius = min(1.0, distance / 3)  # the light is well outside
+    radius: Any = min(1.0, distance / 3)  # the light is well outside
+    ambient: Any = None if material.ka is None else 1.0
     extent = 2 * MARGIN * radius
     return Shown(
-        title=path.name,
+        title=f"{path.resolve().parent.name}/{path.name}",
         geometry=Sphere(radius=radius),
         camera=OrthographicCamera(SIZE, SIZE, extent),
         shading=None,
-        scene=Scene(None if material.ka is None else 1.0, _light(attenuation, distance)),
+        scene=Scene(ambient, (_light(attenuation, distance),)),
         material=material,
         written={
             "geometry": {"kind": "sphere", "center": [0, 0, 0], "radius": radius},
@@ -95,8 +98,9 @@ def _light(attenuation: AbstractAttenuation | None, distance: float) -> Abstract
     from diffshade.light.parallel import ParallelLight
     from diffshade.light.point import PointLight
 
+    towards: Any = TOWARDS
+    intensity: Any = 1.0
     if attenuation is None:
-        return ParallelLight(TOWARDS)
-    length = sum(x * x for x in TOWARDS) ** 0.5
-    place = tuple(round(x * distance / length, 4) for x in TOWARDS)
-    return PointLight(place, 1.0, attenuation)
+        return ParallelLight(towards, intensity)
+    place: Any = [round(x * distance / math.hypot(*TOWARDS), 4) for x in TOWARDS]
+    return PointLight(place, intensity, attenuation)

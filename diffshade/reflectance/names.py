@@ -26,9 +26,9 @@ def coefficient_names(material: Material) -> tuple[str, ...]:
     return tuple(_paths(material, ""))
 
 
-def coefficient(material: Material, name: str) -> Any:
-    """The one of a name: an array, or what stands for one inside `tree_at`."""
-    part: Any = material
+def coefficient(whole: eqx.Module, name: str) -> Any:
+    """The one of a name, of a material or a scene: an array, or what stands for one inside `tree_at`."""
+    part: Any = whole
     for step in name.split("."):
         part = part[int(step)] if step.isdigit() else getattr(part, step)
     return part

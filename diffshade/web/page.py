@@ -8,9 +8,11 @@ import json
 import os
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 from string import Template
 from typing import Any
 
+from diffshade.errors import BadInput
 from diffshade.geometry.mesh import Mesh
 from diffshade.io.atomic import replacing
 from diffshade.web.parameters import lights, parameters
@@ -29,7 +31,9 @@ LEGIBLE = 480
 
 
 def write_page(path: str | os.PathLike[str], shown: Shown) -> None:
-    """Write the page into a file, whole or not at all; raises `BadInput` as `page_text` does."""
+    """Write the page into an `.html` file, whole or not at all; raises `BadInput` as `page_text` does."""
+    if Path(path).suffix.lower() not in (".html", ".htm"):
+        raise BadInput(f"{path}: a page is HTML; give a name that ends in .html")
     text = page_text(shown)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -38,10 +42,11 @@ def write_page(path: str | os.PathLike[str], shown: Shown) -> None:
 def page_text(shown: Shown) -> str:
     """An HTML page that shows a sphere or a mesh, with a slider for every coefficient.
 
-    The picture is that of `ds.render`, as `render_png` writes it, to one of 255 levels: it is shaded in
-    float32 by WebGL 2, from the foreground that the library has found. Nothing is loaded, nor may be.
-    Raises `BadInput` for what there is no slider or formula for: maps, several materials, lights with
-    extent, more than three channels.
+    The picture is that of `ds.render`, as `write_image` makes a .png of it, to one of 255 levels in every
+    pixel: which pixel sees what is the library's decision, and WebGL 2 shades it in float32. Where the
+    model jumps, at the edge of a spot's cone or of a lobe at n.l = 0, a pixel may fall to either side.
+    Nothing is loaded, nor may be. Raises `BadInput` for what there is no slider or formula for: maps,
+    several materials, lights with extent, two channels or more than three.
     """
     check(shown)
     shader, kinds = program(shown)

@@ -72,10 +72,10 @@ def lights(shown: Shown, kinds: Mapping[str, str]) -> list[dict[str, str]]:
     """The lights that can be dragged, and the coefficient of each that says where it is."""
     found = []
     for number, light in enumerate(shown.scene.lights):
-        place = next((k for k in ("position", "direction") if f"lights.{number}.{k}" in kinds), None)
-        if place is not None:
-            name = f"lights.{number}"
-            found.append({"name": name, "words": _light(number, light), "place": place})
+        name = f"lights.{number}"
+        places = [f"{name}.{key}" for key in ("position", "direction") if f"{name}.{key}" in kinds]
+        if places:
+            found.append({"name": name, "words": _light(number, light), "place": places[0]})
     return found
 
 

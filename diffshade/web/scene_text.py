@@ -57,8 +57,9 @@ def _lines(shown: Shown, blanks: Collection[str]) -> Iterator[str]:
         for name in ("position", "direction", "intensity", "exponent", "cutoff"):
             if getattr(light, name, None) is not None:
                 yield f"{name} = {number(f'lights.{k}.{name}')}"
-        if getattr(light, "attenuation", None) is not None:
-            law = _law(light.attenuation, f"lights.{k}.attenuation", number)
+        attenuation = getattr(light, "attenuation", None)
+        if attenuation is not None:
+            law = _law(attenuation, f"lights.{k}.attenuation", number)
             yield f"attenuation = {_table(law)}"
     material = shown.material
     yield "[material]"

@@ -12,6 +12,7 @@ import zlib
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from diffshade.geometry.camera import AbstractCamera, PerspectiveCamera
@@ -61,8 +62,9 @@ def _camera(camera: AbstractCamera, middle: np.ndarray, radius: float) -> dict[s
     That plane lies in the middle of the surface, or before the eye where the eye is nearer than that.
     """
     with jax.enable_x64(True):
-        exact: Any = jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), camera)
+        exact: Any = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf, np.float64)), camera)
         right, up, back = (np.asarray(axis.to_array()) for axis in exact.axes())
+        exact = jax.tree.map(np.asarray, exact)
     eye = -middle if exact.position is None else exact.position - middle
     found = {"back": back, "side": camera.frame.side}
     if isinstance(exact, PerspectiveCamera):

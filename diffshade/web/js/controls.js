@@ -85,7 +85,7 @@ class Row {
       const { slider, number } = this.inputs[k];
       if (fromStep(this.one, Number(slider.value)) !== value) slider.value = toStep(this.one, value);
       slider.setAttribute("aria-valuetext", `${value}`);
-      number.value = `${value}`;
+      number.value = Number(value.toPrecision(6));
     });
     if (this.channels) this.channels.textContent = numbers.length > 1 ? "one for all" : "per channel";
     const [r, g, b] = numbers.length > 1 ? numbers : [numbers[0], numbers[0], numbers[0]];

@@ -51,7 +51,10 @@ try {
   const picture = await Picture.from(data.surface.textures);
   const refresh = controls(byId("sliders"), attempt);
   listeners.push(() => picture.draw(), refresh, () => { byId("toml").value = toml(); });
-  const readAddress = () => attempt(() => set(fromAddress(location.hash)));
+  const readAddress = () => attempt(() => {
+    start();
+    set(fromAddress(location.hash));
+  });
   byId("reset").addEventListener("click", () => attempt(reset));
   byId("copy-toml").addEventListener("click", () => copy(toml(), "Copied."));
   byId("copy-link").addEventListener("click", () => {
@@ -63,7 +66,6 @@ try {
   const some = data.parameters.slice(0, 2);
   byId("example").textContent = `#${some.map((one) => `${one.name}=${one.values.join(",")}`).join("&")}`;
   byId("names").append(...data.parameters.map((one) => element("li", {}, element("code", {}, one.name))));
-  tell();
   readAddress();
   window.diffshade = { get, set, reset, toml, names: [...parameters.keys()] };
 } catch (error) {
