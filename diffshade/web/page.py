@@ -46,7 +46,7 @@ def page_text(shown: Shown) -> str:
     pixel: which pixel sees what is the library's decision, and WebGL 2 shades it in float32. Where the
     model jumps, at the edge of a spot's cone or of a lobe at n.l = 0, a pixel may fall to either side.
     Nothing is loaded, nor may be. Raises `BadInput` for what there is no slider or formula for: maps,
-    several materials, lights with extent, two channels or more than three.
+    shadows, several materials, lights with extent, two channels or more than three.
     """
     check(shown)
     shader, kinds = program(shown)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 import jax
 
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import AbstractCamera, OrthographicCamera, PerspectiveCamera
-from diffshade.geometry.frequency import AbstractFrequency
+from diffshade.geometry.frequency import AbstractFrequency, GouraudShading, PhongShading
 from diffshade.geometry.mesh import Mesh
 from diffshade.geometry.sphere import Sphere
 from diffshade.light.parallel import ParallelLight
@@ -21,6 +22,22 @@ from diffshade.scene import Scene
 __all__ = ["Shown", "check", "is_lit", "one_material"]
 
 LIGHTS = (PointLight, SpotLight, ParallelLight)
+WRITTEN = {"schema", "geometry", "camera", "shading", "ambient", "lights", "material"}
+FIELDS = {
+    *(
+        "ambient",
+        "lights",
+        "position",
+        "direction",
+        "intensity",
+        "attenuation",
+        "exponent",
+        "cutoff",
+    ),
+    *("ka", "kd", "od", "os", "body", "specular", "ks", "shininess", "weight"),
+    *("alpha", "fresnel", "masking", "rational"),
+}
+"""What a scene, a light, a material and a lobe may have: anything else would be missed in silence."""
 
 
 class Shown(NamedTuple):
@@ -34,7 +51,7 @@ class Shown(NamedTuple):
     scene: Scene
     material: Material
     written: Mapping[str, Any]
-    """The `geometry`, `camera` and `shading` of its `scene.toml`."""
+    """Its `scene.toml`, of which `geometry`, `camera` and `shading` are written again as they are."""
 
 
 def is_lit(scene: Scene, material: Material) -> bool:
@@ -59,12 +76,29 @@ def check(shown: Shown) -> None:
         raise BadInput("the page shows a sphere or a mesh, and this is neither: give one of them")
     if type(shown.camera) not in (OrthographicCamera, PerspectiveCamera):
         raise BadInput("the page has an orthographic or a perspective camera: give one of them")
+    if isinstance(shown.geometry, Sphere) and not isinstance(shown.shading, PhongShading | None):
+        raise BadInput("a sphere has no faces to shade: leave shading out, or use a mesh")
+    if (
+        isinstance(shown.shading, GouraudShading)
+        and getattr(shown.geometry, "slot", None) is not None
+    ):
+        raise BadInput("Gouraud shading of a mesh with slots: use another shading")
     for number, light in enumerate(shown.scene.lights, 1):
         if type(light) not in LIGHTS:
             raise BadInput(
                 f"light {number} of the scene has extent, or is of another kind, which the page does"
                 " not show: give point, spot and parallel lights"
             )
+    for key in shown.written:
+        if key not in WRITTEN:
+            raise BadInput(f"the scene has {key}, which the page does not show: leave it out")
+    for part in (shown.scene, shown.material, *shown.scene.lights, *shown.material.specular):
+        for field in fields(part):
+            if getattr(part, field.name) is not None and field.name not in FIELDS:
+                raise BadInput(
+                    f"a {type(part).__name__} has {field.name}, which the page does not show: leave it"
+                    " out"
+                )
     leaves = jax.tree.leaves((shown.scene.ambient, shown.material))
     leaves += [light.intensity for light in shown.scene.lights]
     if any(leaf.ndim > 1 for leaf in leaves):

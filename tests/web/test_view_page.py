@@ -255,8 +255,13 @@ def refused(match: str, **changes: Any) -> None:
 def test_what_no_slider_moves_is_refused() -> None:
     lit = ds.Scene(lights=ds.SphereLight((0, 0, 3), 0.5))
     refused("light 1 of the scene has extent", scene=lit)
+    refused("no faces to shade", shading=ds.FlatShading())
+    slots = ds.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], slot=[0])
+    refused("Gouraud shading", geometry=slots, shading=ds.GouraudShading())
     refused("2 channels", material=ds.Material(kd=(0.1, 0.2)))
     refused("is a map", material=ds.Material(kd=np.ones((1, 5))))
+    shaded = ds.PointLight((0, 0, 9), 1.0, visible=np.ones(316))
+    refused("a PointLight has visible", scene=ds.Scene(lights=shaded))
     many = [ds.PointLight((k, 0, 9), 1.0, ds.QuadraticAttenuation(1.0)) for k in range(50)]
     refused("WebGL room for 200", scene=ds.Scene(lights=many))
     constants = ds.QuadraticAttenuation(1.0, (0.1, 0.2, 0.3))
@@ -289,6 +294,11 @@ BAD: dict[str, tuple[str, dict[str, str], str]] = {
             )
         },
         "light 1 of the scene has extent",
+    ),
+    "shadows": (
+        "scene.toml",
+        {"scene.toml": f"shadows = true\n{SCENES['grey']}"},
+        "the scene has shadows",
     ),
     "two materials": (
         "scene.toml",
