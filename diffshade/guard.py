@@ -26,6 +26,7 @@ and derivatives up to the second are then finite, forward and in reverse, for al
 | extinction; reflectance f0 | 0 to 10; 0 to 1 | 0 to 10; 0 to 1 |
 | constants of attenuations | 0 to 1e6 | 0 to 1e40 |
 | denominators of linear attenuations, if not 0 | 1e-6 and more | 1e-40 and more |
+| temperatures of black bodies, in kelvin | 1 to 1e6 | 1 to 1e6 |
 | edges of faces under `sphere_weights`, if not 0 | 1e-6 and more | 1e-40 and more |
 
 What is beyond them is computed all the same, and may overflow, or count as 0 where it is less.

@@ -12,7 +12,7 @@ from strategies import Cases, Deck
 
 import diffshade as ds
 from diffshade import guard, vector
-from diffshade.colour import interpolate
+from diffshade.colour import cie, interpolate, metamer, observer, spectrum
 from diffshade.geometry import normals
 from diffshade.geometry.surface import Visibility
 from diffshade.reflectance import masking
@@ -314,6 +314,45 @@ def of_colours(f: Callable[..., Any]) -> Contract:
 def of_shares(case: dict[str, Any]) -> jax.Array:
     """Of the components in their sum."""
     return guard.ratio(case["colour"], case["colour"].sum(keepdims=True))
+
+
+WAVELENGTHS = np.array([450.0, 550.0, 600.0])
+"""Of three components as a spectrum."""
+
+
+def temperatures(deck: Deck) -> Cases:
+    """Of the range in which black bodies are computed."""
+    return {"kelvin": deck.between(1.0, 1e6)}
+
+
+def glow(kelvin: jax.Array) -> jax.Array:
+    """Of a black body, from the far ultraviolet to the far infrared."""
+    return spectrum.blackbody(kelvin, np.array([100.0, 555.0, 1e5]))
+
+
+def against_a_white(case: dict[str, Any]) -> jax.Array:
+    """The colour of a surface under a light, and of the light."""
+    light = case["other"]
+    shone = jnp.stack([case["colour"] * light, light])
+    return observer.spectrum_to_xyz(shone, WAVELENGTHS, white=light)
+
+
+def of_one_colour(case: dict[str, Any]) -> jax.Array:
+    """A reflectance with the colour of one and nearly the spectrum of another."""
+    ends = (jnp.tile(case[name], 2) for name in ("colour", "other"))
+    return metamer.metamer(*ends, np.ones(6), np.linspace(450.0, 650.0, 6))
+
+
+def around_white(f: Callable[..., Any]) -> Callable[..., Any]:
+    """Of chromaticities anywhere, at white and next to it."""
+
+    def of(colour: jax.Array) -> Any:
+        white = jnp.asarray(cie.D65, colour.dtype)
+        return f(
+            jnp.stack([colour[:2], white + (colour[:2] - colour[1:]), white + 1e-9 * colour[:2]])
+        )
+
+    return of
 
 
 def between_colours(case: dict[str, Any]) -> Any:

@@ -14,7 +14,10 @@ import numpy as np
 import strategies
 from computed import (
     SMITH,
+    WAVELENGTHS,
     Contract,
+    against_a_white,
+    around_white,
     attenuated,
     ball,
     between_colours,
@@ -22,6 +25,7 @@ from computed import (
     faceted,
     from_basis,
     gbuffer,
+    glow,
     glowing,
     grooved,
     kept,
@@ -32,6 +36,7 @@ from computed import (
     of_grooves,
     of_inverses,
     of_numbers,
+    of_one_colour,
     of_shares,
     of_vectors,
     of_vertices,
@@ -46,6 +51,7 @@ from computed import (
     shaded,
     smith,
     spot_light,
+    temperatures,
     triangles,
 )
 from jax.flatten_util import ravel_pytree
@@ -53,7 +59,19 @@ from strategies import Cases
 
 import diffshade as ds
 from diffshade import guard, vector
-from diffshade.colour import cie, device, interpolate, srgb, transfer
+from diffshade.colour import (
+    cie,
+    device,
+    dominant,
+    interpolate,
+    metamer,
+    munsell,
+    names,
+    observer,
+    spectrum,
+    srgb,
+    transfer,
+)
 from diffshade.fusion import search_options
 from diffshade.geometry import normals
 from diffshade.reflectance import (
@@ -76,6 +94,27 @@ NO_FLOATS = {
     "cie.SRGB": "numbers",
     "cie.Primaries": "numbers of the host",
     "cie.in_gamut": "says yes or no",
+    "dominant.complementary_wavelength": "the dominant one of another chromaticity",
+    "metamer.are_metamers": "says yes or no",
+    **dict.fromkeys(
+        (f"munsell.{name}" for name in ("WHITE", "munsell_to_xyy", "xyy_to_munsell")),
+        "found in tables of the host",
+    ),
+    **dict.fromkeys(
+        (
+            f"names.{name}"
+            for name in ("LIGHTNESS", "NAMES", "SATURATION", "colour_name", "colour_of_name")
+        ),
+        "words",
+    ),
+    **dict.fromkeys(
+        (
+            f"observer.{name}"
+            for name in ("LUMENS", "illuminant", "spectral_locus", "standard_observer")
+        ),
+        "tables of the host",
+    ),
+    "spectrum.trapezoid": "computed on the host",
     "transfer.intensity_levels": "computed on the host",
     "transfer.levels_needed": "computed on the host",
     "transfer.look_up_table": "computed on the host",
@@ -101,6 +140,7 @@ def exported() -> Iterator[str]:
         *(ds, guard, vector, normals, lambert, phong, blinn_phong),
         *(conversion, distribution, fresnel, masking),
         *(cie, device, interpolate, srgb, transfer),
+        *(dominant, metamer, munsell, names, observer, spectrum),
     )
     for module in modules:
         for name in module.__all__:
@@ -232,6 +272,15 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("transfer.displayed",): of_colours(lambda x: transfer.displayed(x, 2.2)),
     ("transfer.value_for",): of_colours(lambda x: transfer.value_for(x, 2.2)),
     ("interpolate.interpolate",): Contract(strategies.colours, between_colours),
+    # Spectra
+    ("spectrum.blackbody",): Contract(temperatures, lambda case: glow(case["kelvin"])),
+    ("spectrum.sensor_response", "observer.luminance"): of_colours(
+        lambda x: observer.luminance(x, WAVELENGTHS)
+    ),
+    ("observer.spectrum_to_xyz",): Contract(strategies.colours, against_a_white),
+    ("metamer.metamer", "metamer.metameric_black"): Contract(strategies.colours, of_one_colour),
+    ("dominant.dominant_wavelength",): of_colours(around_white(dominant.dominant_wavelength)),
+    ("dominant.excitation_purity",): of_colours(around_white(dominant.excitation_purity)),
     # Lobes
     ("GGX", "Dielectric"): faceted(ds.GGX, lambda case: ds.Dielectric(case["index"])),
     ("Beckmann", "Conductor"): faceted(

@@ -303,6 +303,7 @@ GUARDS = (
 SELECTING = {
     "colour/cie.py": "the branches of L*; a guard among them is in the list",
     "colour/device.py": "the branches of hues and of the saturation",
+    "colour/dominant.py": "the side of white that has a wavelength; white, which has none",
     "colour/interpolate.py": "the shorter way round",
     "light/distributed.py": "which axis is another one",
     "light/spot.py": "where the cone ends",
