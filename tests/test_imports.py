@@ -12,7 +12,7 @@ STANDARD += ("traceback", "typing_extensions", "unittest")
 ARRAYS = ("jax", "jaxlib", "numpy", "equinox", "jaxtyping")
 FILES = ("scipy", "trimesh", "embreex", "imageio", "imagecodecs", "OpenEXR", "rawpy", "PIL")
 SOLVERS = ("optimistix", "lineax")
-OTHERS = ("matplotlib", "IPython", "beartype", "torch", "drjit", "lmfit", "optax")
+OTHERS = ("matplotlib", "IPython", "beartype", "colour", "torch", "drjit", "lmfit", "optax")
 
 
 def imported(code: str, *names: str) -> set[str]:
@@ -72,3 +72,16 @@ def test_names_import_no_files_and_no_solvers(names: str) -> None:
 def test_maps_import_their_solver_and_no_files() -> None:
     found = imported("import fitting; fitting.fit_maps, fitting.solve", *FILES, *SOLVERS, *OTHERS)
     assert found == set(SOLVERS)
+
+
+def test_tables_of_colours_change_nothing_for_others() -> None:
+    """colour-science would filter warnings, and print arrays its own way, in the whole process."""
+    code = """
+import warnings, numpy
+import diffshade.colour.observer as observer
+before = list(warnings.filters), numpy.get_printoptions()
+observer.standard_observer(numpy.array([555.0]))
+assert (list(warnings.filters), numpy.get_printoptions()) == before
+"""
+    assert imported(code, "colour") == {"colour"}
+    assert imported("import diffshade.colour.metamer, diffshade.colour.munsell", "colour") == set()

@@ -5,10 +5,10 @@ under illuminant C, of which `WHITE` is the white. On the host, one colour at a 
 """
 
 import warnings
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from diffshade.colour.observer import tables
 from diffshade.errors import BadInput
@@ -30,8 +30,8 @@ def munsell_to_xyy(notation: str) -> Float[np.ndarray, "3"]:
     return np.asarray(_asked(notation, "munsell_colour_to_xyY"), np.float64)
 
 
-def xyy_to_munsell(xyy: ArrayLike) -> str:
-    """The notation of (x, y, Y), Y in [0, 1] and relative to white, to a tenth of each number.
+def xyy_to_munsell(xyy: Any) -> str:
+    """The notation of three numbers (x, y, Y), Y in [0, 1] and relative to white, to a tenth each.
 
     Takes a tenth of a second. Raises `BadInput` where the search does not converge, which it does for
     colours outside the renotation.

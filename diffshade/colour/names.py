@@ -17,10 +17,10 @@ of brown is ours, where that package has the orange. On the host, one colour at 
 """
 
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from diffshade.errors import BadInput
 
@@ -114,7 +114,7 @@ def colour_of_name(name: str) -> Float[np.ndarray, "3"]:
     )
 
 
-def colour_name(hls: ArrayLike) -> str:
+def colour_name(hls: Any) -> str:
     """The name whose words come nearest to (H, L, S), each by itself.
 
     H in degrees, any turn; L and S in [0, 1], or else `BadInput` is raised. The orange that is darker
