@@ -40,6 +40,7 @@ POWER_ZERO = ("tests/test_guard.py::test_power_and_its_derivatives_are_finite",)
 ROUNDING = ("tests/test_guard.py::test_arguments_are_harmless_whatever_a_selection_says",)
 RULELESS = ("tests/test_guard.py::test_a_node_without_its_rule_has_the_same_derivatives",)
 LEFT_OF_ONE = ("tests/test_guard.py::test_the_logarithm_of_what_is_left_of_one",)
+WHITE = ("tests/colour/test_dominant.py::test_white_has_none",)
 REFLECTANCE, NORMALS, LAW = "reflectance/", "geometry/normals.py", "light/attenuation.py"
 FRESNEL, FACETS = "tests/reflectance/test_fresnel.py::", "tests/reflectance/test_microfacet.py::"
 DARK = (FACETS + "test_it_is_dark_behind_the_surface",)
@@ -204,6 +205,13 @@ GUARDS = (
         "brightness",
         finite("cie.xyz_to_luv"),
     ),
+    *(
+        Guard(f"white, which has no {name}", "colour/dominant.py", source, without, WHITE)
+        for name, source, without in (
+            ("wavelength", "jnp.where(_is_white(ray), 0, found)", "found"),
+            ("purity", "jnp.where(_is_white(ray), 0, crossed)", "crossed"),
+        )
+    ),
     Guard(
         "unit: vectors that are tiny",
         "vector.py",
@@ -303,7 +311,7 @@ GUARDS = (
 SELECTING = {
     "colour/cie.py": "the branches of L*; a guard among them is in the list",
     "colour/device.py": "the branches of hues and of the saturation",
-    "colour/dominant.py": "the side of white that has a wavelength; white, which has none",
+    "colour/dominant.py": "the side of white that has a wavelength; guards of white are in the list",
     "colour/interpolate.py": "the shorter way round",
     "light/distributed.py": "which axis is another one",
     "light/spot.py": "where the cone ends",
