@@ -11,9 +11,9 @@ orange, yellow, green, blue and purple; "red-orange" is halfway between two, "re
 the way from the second. Brown is an orange of half the lightness, and has neighbours as orange has: red
 and yellow. That makes 31 hues, 20 chromatic colours of each, and 7 greys: 627 names.
 
-The paper names hues by sight. Their degrees, and the even steps, are those of Kaufman's translation of
-1986 as the package `cns` of R has them, taken in HLS, where they leave pure hues pure; half the lightness
-of brown is ours, where that package has the orange. On the host, one colour at a time.
+Degrees of hues and the even steps are those of Kaufman (1986) as the package `cns` of R has them, which
+takes them in HSV; in HLS they leave pure hues pure. Half the lightness for brown is ours, where that
+package has the orange itself. On the host, one colour at a time.
 """
 
 from itertools import pairwise, product

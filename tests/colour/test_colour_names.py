@@ -1,4 +1,4 @@
-"""The names of the CNS, against the syntax of the paper and its count."""
+"""The names of the CNS, against its syntax, its count of 627, and colours of the web."""
 
 import re
 
