@@ -6,6 +6,10 @@ python -m pytest --precision 32    the tests that hold in float32
 
 import os
 
+# As the command line has it: XLA complains of every program that it finds in its cache on processors
+# whose flags hold preferences of the compiler (openxla/xla issue 44565). It is read with JAX's import.
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+
 import jax
 import numpy as np
 import pytest
