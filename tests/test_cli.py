@@ -30,6 +30,7 @@ from shared import shared_data
 from diffshade import plot
 from diffshade.cli import run
 from diffshade.commands import settings
+from diffshade.commands.usage import COMMANDS
 from diffshade.io.image import read_image
 
 
@@ -58,7 +59,7 @@ def results(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_program_answers_help(cache: str) -> None:
     done = program("--help", XDG_CACHE_HOME=cache)
     assert (done.returncode, done.stderr) == (0, "")
-    assert all(command in done.stdout for command in ("demo", "render", "view", "fit", "evaluate"))
+    assert all(command in done.stdout for command in COMMANDS)
 
 
 @pytest.mark.parametrize(
@@ -73,6 +74,11 @@ def test_the_program_answers_help(cache: str) -> None:
             "|--white LEVEL|--circle CX,CY,R|--encoding|--hold NAME=VALUE"
             "|--robust|--censor|--gains|--certify|--shard I/N|--processes N|--process I/N"
             "|--coordinator HOST:PORT|--patience SECONDS|(default: phong)|(default: 60)",
+        ),
+        (
+            "export",
+            "FIT.json|--to {mtl,gltf,threejs,mitsuba}|--out FILE|--irradiance E|--json"
+            "|--precision {32,64}",
         ),
         (
             "evaluate",
@@ -142,6 +148,10 @@ def test_help_whose_reader_is_gone(cache: str) -> None:
         "render scene.toml",
         "view",
         "view scene.toml --json",
+        "export fit.json --out a.mtl",
+        "export fit.json --to fbx --out a.fbx",
+        "export fit.json --to mtl",
+        "export fit.json --to gltf --out a.gltf --irradiance 0",
     ],
 )
 def test_wrong_usage_is_status_2(words: str, capsys: pytest.CaptureFixture[str]) -> None:

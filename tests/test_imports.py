@@ -41,9 +41,11 @@ def test_what_is_imported_is_seen() -> None:
         ("view --help", 0),
         ("fit --help", 0),
         ("evaluate --help", 0),
+        ("export --help", 0),
         ("", 2),
         ("fit x --bogus", 2),
         ("fit x --circle 1,2", 2),
+        ("export x --to mtl", 2),
     ],
 )
 def test_help_and_wrong_usage_import_nothing_heavy(words: str, status: int) -> None:

@@ -10,9 +10,10 @@ from typing import Any, NoReturn
 from diffshade.commands import options
 from diffshade.commands.console import WrongUsage
 
-__all__ = ["MODELS", "parse"]
+__all__ = ["EXPORTS", "MODELS", "parse"]
 
 CAPTURE = "A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml."
+EXPORTS = ("mtl", "gltf", "threejs", "mitsuba")
 MODELS = ("phong", "blinn-phong", "lambert", "phong2", "ggx", "plastic", "plastic2")
 FLAGS = {
     "--robust": "Take the weight from outliers, such as shadows (Tukey's biweight).",
@@ -195,6 +196,34 @@ def _evaluate(parser: ArgumentParser) -> None:
     _reading(parser)
 
 
+def _export(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "fit_json",
+        metavar="FIT.json",
+        type=Path,
+        help="A fit.json as `fit --out` writes it, or the output of `fit --json`.",
+    )
+    parser.add_argument(
+        "--to",
+        choices=EXPORTS,
+        required=True,
+        help="Wavefront's .mtl, glTF 2.0 with KHR_materials_specular (a ball of the material), three.js"
+        " MeshPhongMaterial as JSON, or a Mitsuba 3 dictionary as JSON.",
+    )
+    parser.add_argument(
+        "--out", metavar="FILE", type=Path, required=True, help="The file to write."
+    )
+    parser.add_argument(
+        "--irradiance",
+        metavar="E",
+        type=options.level,
+        help="Of gltf, threejs and mitsuba: the irradiance that a light of I_p = 1 has there; by default"
+        " pi, of which k_d is the albedo.",
+    )
+    _json(parser)
+    _precision(parser)
+
+
 def _results(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--out",
@@ -269,4 +298,8 @@ COMMANDS = {
         _fit,
     ),
     "evaluate": ("Measure how well a fitted material predicts photographs.", _evaluate),
+    "export": (
+        "Write a fitted material for another tool, and say how far it is from the fit over angles.",
+        _export,
+    ),
 }

@@ -1,0 +1,156 @@
+"""The coefficients of a material as plain numbers, and the one highlight that is nearest to its lobes."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from diffshade.errors import BadInput
+from diffshade.reflectance.blinn_phong import BlinnPhong
+from diffshade.reflectance.conversion import exponent_of, to_blinn_phong
+from diffshade.reflectance.fresnel import AbstractFresnel
+from diffshade.reflectance.lobe import AbstractLobe
+from diffshade.reflectance.material import Material
+from diffshade.reflectance.microfacet import AbstractMicrofacet
+from diffshade.reflectance.phong import Phong
+
+__all__ = [
+    "RGB",
+    "Highlight",
+    "ambient",
+    "diffuse",
+    "head_on",
+    "highlight",
+    "lobe_ks",
+    "one",
+    "plain",
+    "rgb",
+]
+
+RGB = Float[np.ndarray, "3"]
+
+
+class Highlight(NamedTuple):
+    """k_s (n.h)^n, the nearest to all lobes of a material together."""
+
+    ks: RGB
+    exponent: float
+    f0: RGB | None
+    """The share that its facets reflect head-on, which grows towards grazing angles; None where it does
+    not, as of Phong's and Blinn's lobes."""
+    notes: tuple[str, ...]
+    """What was lost."""
+
+
+def rgb(value: Any) -> RGB:
+    """Three numbers of one, or of three; raises `BadInput` for maps and for other channels."""
+    array = plain(value)
+    if array.ndim > 1 or array.size not in (1, 3):
+        raise BadInput(
+            f"the material has coefficients of shape {array.shape}: other tools take one number, or"
+            " three for red, green and blue; export one material at a time"
+        )
+    return np.broadcast_to(array.reshape(-1), 3).copy()
+
+
+def plain(value: Any) -> np.ndarray:
+    """Numbers as they were written: 0.1 in float32 is 0.1, not 0.10000000149."""
+    array = np.asarray(value)
+    return np.array([float(str(x)) for x in array.ravel()]).reshape(array.shape)
+
+
+def one(name: str, value: Any) -> tuple[float, tuple[str, ...]]:
+    """One number for all channels, their geometric mean, and what there is to say of that."""
+    numbers = rgb(value)
+    if (numbers == numbers[0]).all():
+        return float(numbers[0]), ()
+    mean = float(np.exp(np.log(np.maximum(numbers, 1e-30)).mean()))
+    listed = ", ".join(f"{x:.4g}" for x in numbers)
+    return mean, (
+        f"{name} is {listed} for red, green and blue: one, {mean:.4g}, is written for all",
+    )
+
+
+def ambient(material: Material) -> RGB | None:
+    """k_a O_d."""
+    return None if material.ka is None else rgb(material.ka) * _colour(material.od)
+
+
+def diffuse(material: Material) -> RGB | None:
+    """k_d O_d, of a body as it is head-on: times T(1)^2."""
+    if material.kd is None:
+        return None
+    kd = rgb(material.kd) * _colour(material.od)
+    if material.body is None:
+        return kd
+    straight = jnp.ones(())
+    return kd * rgb(jnp.stack(material.body.passed(straight, straight)))
+
+
+def lobe_ks(material: Material, lobe: AbstractLobe) -> RGB:
+    """k_s O_s."""
+    return rgb(lobe.ks) * _colour(material.os)
+
+
+def head_on(fresnel: AbstractFresnel) -> RGB:
+    """F at a cosine of 1."""
+    return rgb(jnp.stack(fresnel.reflected(jnp.ones(()))))
+
+
+def highlight(material: Material) -> Highlight | None:
+    """One highlight for all lobes: as high as their sum where n = l = v, and as much light in it.
+
+    (n.h)^n reflects 4 / (n + 2) of its peak in light from straight above, but for what is small for
+    narrow lobes. A lobe becomes Blinn's by `conversion`: the exponent 4 n of Phong's, or that of facets
+    of its alpha; a weight of the incidence is taken head-on.
+    """
+    lobes = material.specular
+    if not lobes:
+        return None
+    notes: tuple[str, ...] = ()
+    peaks, exponents, boundaries = [], [], []
+    for lobe in lobes:
+        ks, exponent, f0, said = _blinn(material, lobe)
+        notes += said
+        peaks.append(ks)
+        exponents.append(exponent)
+        boundaries.append(f0)
+    total = np.sum(peaks, axis=0)
+    heights = np.array([peak.mean() for peak in peaks])
+    exponent = exponents[int(heights.argmax())]
+    if len(lobes) > 1:
+        if heights.sum() > 0:
+            exponent = heights.sum() / np.sum(heights / (np.array(exponents) + 2)) - 2
+        notes += (
+            f"{len(lobes)} lobes are written as one, as high together and with as much light",
+        )
+    known = [f0 for f0 in boundaries if f0 is not None]
+    f0 = known[int(heights.argmax())] if len(known) == len(lobes) else None
+    return Highlight(total, max(float(exponent), 0.0), f0, tuple(dict.fromkeys(notes)))
+
+
+def _blinn(
+    material: Material, lobe: AbstractLobe
+) -> tuple[RGB, float, RGB | None, tuple[str, ...]]:
+    """k_s, the exponent of n.h, F head-on, and what is lost."""
+    ks = lobe_ks(material, lobe)
+    if isinstance(lobe, Phong | BlinnPhong):
+        said: tuple[str, ...] = ()
+        if lobe.weight is not None:
+            ks = ks * head_on(lobe.weight)
+            said = ("the weight of the angle of incidence is taken as it is head-on",)
+        plain = to_blinn_phong(lobe) if isinstance(lobe, Phong) else lobe
+        exponent, mixed = one("the exponent", plain.shininess)
+        return ks, exponent, None, (*said, *mixed)
+    if not isinstance(lobe, AbstractMicrofacet):
+        raise BadInput(f"a lobe of kind {lobe.kind!r} has no form in other tools: use another")
+    alpha, mixed = one("alpha", lobe.alpha)
+    f0 = None if lobe.fresnel is None else head_on(lobe.fresnel)
+    peak = ks / (4 * np.pi * alpha**2)  # D / 4 where n = l = v
+    exponent = max(float(exponent_of(alpha)), 0.0)
+    return peak if f0 is None else peak * f0, exponent, f0, mixed
+
+
+def _colour(value: Any | None) -> RGB:
+    return np.ones(3) if value is None else rgb(value)
