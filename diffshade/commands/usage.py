@@ -12,7 +12,9 @@ from diffshade.commands.console import WrongUsage
 
 __all__ = ["EXPORTS", "MODELS", "parse"]
 
-CAPTURE = "A folder in the photometric-stereo layout, an RTI .lp file, or a capture.toml."
+CAPTURE = (
+    "A folder in the photometric-stereo layout, an RTI .lp, a Relight .dome, or a capture.toml."
+)
 EXPORTS = ("mtl", "gltf", "threejs", "mitsuba")
 MODELS = ("phong", "blinn-phong", "lambert", "phong2", "ggx", "plastic", "plastic2")
 FLAGS = {

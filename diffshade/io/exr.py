@@ -17,7 +17,7 @@ from diffshade.io.encoding import Encoding
 from diffshade.io.limits import check_size
 from diffshade.io.quiet import quietly
 
-__all__ = ["SIGNATURE", "read", "read_channels", "write"]
+__all__ = ["SIGNATURE", "by_layer", "read", "read_channels", "write", "write_channels"]
 
 SIGNATURE = b"\x76\x2f\x31\x01"
 _TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
@@ -28,7 +28,7 @@ def read(path: Path, layer: str | None = None) -> Decoded:
 
     Raises `BadInput` that names the layers where the one asked for holds no such image.
     """
-    layers = _by_layer(read_channels(path))
+    layers = by_layer(read_channels(path))
     channels = layers.get(layer or "", {})
     names = _image_channels(set(channels))
     if not names:
@@ -80,7 +80,18 @@ def write(path: Path, linear: Pixels) -> None:
         file.write(os.fspath(path))
 
 
-def _by_layer(channels: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+def write_channels(path: Path, channels: dict[str, np.ndarray]) -> None:
+    """Channels by full name, each [H, W], float16, float32 or uint32; compressed without loss."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
+    with OpenEXR.File(header, planes) as file:
+        file.write(os.fspath(path))
+
+
+def by_layer(channels: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """Channels by the name of their layer, which is all but the last part of theirs."""
     layers: dict[str, dict[str, np.ndarray]] = {}
     for full_name, pixels in channels.items():
         layer, _, name = full_name.rpartition(".")

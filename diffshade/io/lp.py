@@ -7,13 +7,15 @@ stands in the same folder, see `folder_geometry`.
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from diffshade.errors import BadInput, naming
+from diffshade.io.atomic import replacing
 from diffshade.io.capture import Capture, assemble
 from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import folder_geometry
@@ -21,7 +23,7 @@ from diffshade.io.limits import check_size
 from diffshade.io.photographs import read_photographs
 from diffshade.io.text_rows import direction, lines, numbers
 
-__all__ = ["LightPositions", "parse_lp", "read_lp"]
+__all__ = ["LightPositions", "parse_lp", "read_lp", "write_lp"]
 
 
 class LightPositions(NamedTuple):
@@ -90,6 +92,28 @@ def parse_lp(path: Path) -> LightPositions:
         images.append(image.name)
         directions.append(direction(numbers(words[1:], where), where))
     return LightPositions(images, directions, notes)
+
+
+def write_lp(
+    path: str | os.PathLike[str], images: Sequence[str], directions: Sequence[Any] | np.ndarray
+) -> None:
+    """Write the names of images and the directions to their lights, [N, 3] of any length; atomic.
+
+    >>> write_lp("ball.lp", ["a.png", "b.png"], [(0, 0, 1), (0.6, 0, 0.8)])
+    """
+    vectors = np.asarray(directions, float).reshape(-1, 3)
+    if len(vectors) != len(images) or not images:
+        raise BadInput(f"{path}: {len(vectors)} directions for {len(images)} images; give one each")
+    rows = []
+    for name, vector in zip(images, vectors, strict=True):
+        if not name.strip() or not name.isprintable():
+            raise BadInput(f"{path}: an image is named {name!r}; give a name of one line")
+        if not np.isfinite(vector).all():
+            raise BadInput(f"{path}: the light of {name} is not finite; give its direction")
+        unit = direction(vector, f"{path}: {name}")
+        rows.append(" ".join([name.strip(), *map(repr, unit.tolist())]))
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join([str(len(rows)), *rows]) + "\n", encoding="utf-8")
 
 
 def _count(stated: str) -> int:

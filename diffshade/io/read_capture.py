@@ -20,8 +20,8 @@ def read_capture(
     encoding: str | float | None = None,
     allow_outside: bool = False,
 ) -> Capture:
-    """Read a folder in the photometric-stereo layout, an RTI `.lp` file, a `capture.toml`, or the
-    folder that holds one (which goes before the layout).
+    """Read a folder in the photometric-stereo layout, an RTI `.lp` file, Relight's `.dome`, a
+    `capture.toml`, or the folder that holds one (which goes before the layout).
 
     `white` is the encoded level at which the sensor clips, as a part of full scale (in the units of
     a floating-point file). `circle` is the outline (cx, cy, radius) of a ball in pixels from the
@@ -54,6 +54,10 @@ def read_capture(
             from diffshade.io.lp import read_lp
 
             return read_lp(path, **options, circle=circle)
+        case ".dome":
+            from diffshade.io.dome import read_dome
+
+            return read_dome(path, **options, circle=circle)
         case ".toml":
             from diffshade.io.capture_toml import read_capture_toml
 
@@ -64,8 +68,8 @@ def read_capture(
                 )
             return read_capture_toml(path, **options)
     raise BadInput(
-        f"{path}: is not a capture; give a folder in the photometric-stereo layout, an .lp file or"
-        " a capture.toml"
+        f"{path}: is not a capture; give a folder in the photometric-stereo layout, an .lp file, a .dome"
+        " file or a capture.toml"
     )
 
 

@@ -19,6 +19,7 @@ from diffshade.io.scene_toml import read_scene_toml
 READERS: dict[str, Callable[..., Any]] = {
     "capture": read_capture,
     "scene": read_scene_toml,
+    "dome": lambda path, **o: read_capture(path, encoding="linear", **o),
     "lp": lambda path, **o: read_capture(path, encoding="linear", **o),
     "filenames.txt": lambda path, **o: read_capture(path.parent, **o),
     "sphere.json": lambda path, **o: read_capture(path.parent, **o),

@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 import scipy.io
+from handmade import write_channels
 from malformed.case import Case, Format, any_file, damaged
 
+from diffshade.io.exr import read_channels
+from diffshade.io.exr_gbuffer import load_exr_gbuffer
 from diffshade.io.gbuffer import load_gbuffer
 from diffshade.io.normals_file import normals_gbuffer, read_normals
 
@@ -66,7 +69,20 @@ def _normals(path: Path) -> object:
 GBUFFER = _format("npz", "g.npz", npz(normal=NORMAL, position=NORMAL, eye=np.ones(3)), load_gbuffer)
 NPY = _format("npy", "n.npy", npy(NORMAL), _normals)
 MAT = _format("mat", "n.mat", mat(Normal_gt=NORMAL), _normals)
-FORMATS = (GBUFFER, NPY, MAT)
+EXR = Format(
+    "exr, G-buffer",
+    "g.exr",
+    lambda folder: write_channels(
+        folder / "g.exr",
+        {
+            **{f"V.Normal.{axis}": NORMAL[..., k].astype("f4") for k, axis in enumerate("XYZ")},
+            **{f"V.Position.{axis}": NORMAL[..., k].astype("f4") for k, axis in enumerate("XYZ")},
+            "V.IndexOB.X": np.ones((4, 5), np.float32),
+        },
+    ),
+    load_exr_gbuffer,
+)
+FORMATS = (GBUFFER, NPY, MAT, EXR)
 
 ABSURD = {
     "1e10 values": f"({HUGE}, {HUGE}, 3)",
@@ -232,6 +248,33 @@ def of_mat() -> Iterator[Case]:
     )
 
 
+def of_exr() -> Iterator[Case]:
+    yield from any_file(EXR)
+
+    def saved(kind: str, name: str, **changed: np.ndarray | None) -> Case:
+        """With other channels, by the last parts of their names; None takes one out."""
+
+        def make(folder: Path) -> Path:
+            path = EXR.write(folder)
+            channels = read_channels(path) | {
+                f"V.{k.replace('_', '.')}": v for k, v in changed.items()
+            }
+            return write_channels(path, {k: v for k, v in channels.items() if v is not None})
+
+        return Case(EXR, kind, name, make)
+
+    flat = np.ones((4, 5), np.float32)
+    nothing: dict[str, Any] = {f"Normal_{axis}": 0 * flat for axis in "XYZ"}
+    yield saved("wrong shape", "no foreground", **nothing)
+    yield saved("missing key", "no z of the normal", Normal_Z=None)
+    yield saved("NaN", "every normal", Normal_X=np.nan * flat)
+    yield saved("NaN", "every position", Position_X=np.inf * flat)
+    yield saved("NaN", "every index", IndexOB_X=np.nan * flat)
+    yield saved("wrong dtype", "every index a mean of several", IndexOB_X=0.5 * flat)
+    yield saved("wrong dtype", "every index too large", IndexOB_X=1e9 * flat)
+    yield saved("wrong dtype", "every index below 0", IndexOB_X=-flat)
+
+
 def cases() -> Iterator[Case]:
-    for of in (of_npz, of_npy, of_mat):
+    for of in (of_npz, of_npy, of_mat, of_exr):
         yield from of()

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-from malformed import arrays, images, meshes, texts
+from malformed import arrays, images, lights, meshes, texts
 from malformed.case import Case, Format
 
 from diffshade.errors import BadInput
@@ -18,12 +18,12 @@ LONGEST = 1500
 
 def formats() -> tuple[Format, ...]:
     """Every format, with a valid file of it."""
-    return (*images.FORMATS, *arrays.FORMATS, *meshes.FORMATS, *texts.FORMATS)
+    return (*images.FORMATS, *arrays.FORMATS, *meshes.FORMATS, *texts.FORMATS, *lights.FORMATS)
 
 
 def cases() -> Iterator[Case]:
     """Every malformed file."""
-    for module in (images, arrays, meshes, texts):
+    for module in (images, arrays, meshes, texts, lights):
         yield from module.cases()
 
 

@@ -73,7 +73,7 @@ def _scene(folder: Path) -> None:
     (folder / "scene.toml").write_text(SCENE_TEXT)
 
 
-def _folder(folder: Path) -> None:
+def ps_folder(folder: Path) -> None:
     images = {"a.png": codes(0), "b.png": codes(1)}
     photometric_stereo(
         folder,
@@ -86,7 +86,7 @@ def _folder(folder: Path) -> None:
 
 
 def _lp(folder: Path) -> None:
-    _folder(folder)
+    ps_folder(folder)
     (folder / "lights.lp").write_text("2\na.png 0.0 0.1 1.0\nb.png 0.2 0.0 1.0\n")
 
 
@@ -113,10 +113,12 @@ def _read_fit(path: Path) -> object:
 CAPTURE = Format("capture", "capture.toml", _capture, read_capture, text=True)
 SCENE = Format("scene", "scene.toml", _scene, _read_scene, text=True)
 LP = Format("lp", "lights.lp", _lp, _read_lp, text=True)
-NAMES = Format("filenames.txt", "filenames.txt", _folder, _read_folder, text=True)
-LIGHTS = Format("light_directions.txt", "light_directions.txt", _folder, _read_folder, text=True)
-POWERS = Format("light_intensities.txt", "light_intensities.txt", _folder, _read_folder, text=True)
-SPHERE = Format("sphere.json", "sphere.json", _folder, _read_folder, text=True)
+NAMES = Format("filenames.txt", "filenames.txt", ps_folder, _read_folder, text=True)
+LIGHTS = Format("light_directions.txt", "light_directions.txt", ps_folder, _read_folder, text=True)
+POWERS = Format(
+    "light_intensities.txt", "light_intensities.txt", ps_folder, _read_folder, text=True
+)
+SPHERE = Format("sphere.json", "sphere.json", ps_folder, _read_folder, text=True)
 FITTED = Format("fit.json", "fit.json", _fit, _read_fit, text=True)
 FORMATS = (CAPTURE, SCENE, LP, NAMES, LIGHTS, POWERS, SPHERE, FITTED)
 
@@ -303,7 +305,7 @@ def of_light_texts() -> Iterator[Case]:
     yield replaced(POWERS, "NaN", "no intensity", "0.9 0.8 0.7", "0 0 0")
 
 
-def _json_changes(format: Format) -> Iterator[Case]:
+def json_changes(format: Format) -> Iterator[Case]:
     """The damage that any JSON file can have."""
     yield damaged(format, "wrong type", "a list", lambda _: b"[1, 2]")
     yield damaged(format, "wrong type", "null", lambda _: b"null")
@@ -318,7 +320,7 @@ def _json_changes(format: Format) -> Iterator[Case]:
 
 def of_sphere() -> Iterator[Case]:
     yield from any_file(SPHERE)
-    yield from _json_changes(SPHERE)
+    yield from json_changes(SPHERE)
     values = {
         "NaN": ("NaN", "Infinity", "-Infinity", "1e999", str(10**400)),
         "wrong type": ('"4.5"', "true", "null", "[4.5]", "{}"),
@@ -339,7 +341,7 @@ def of_sphere() -> Iterator[Case]:
 
 def of_fit() -> Iterator[Case]:
     yield from any_file(FITTED)
-    yield from _json_changes(FITTED)
+    yield from json_changes(FITTED)
     changes: dict[tuple[str, str], tuple[str, str]] = {
         ("wrong magic", "another schema"): ("fit/1", "fit/2"),
         ("NaN", "a shininess"): ("32.5", "NaN"),
