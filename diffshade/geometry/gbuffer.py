@@ -133,6 +133,14 @@ class GBuffer(eqx.Module):
         direction `view` from everywhere. Arrays may be traced by `jit` or `grad`, the mask may not;
         traced normals without a mask make every pixel foreground, as nothing can tell otherwise.
 
+        Of other rasterizers, with vertex positions and normals interpolated in world axes:
+
+        - nvdiffrast: row 0 is the bottom, and channel 3 of `rast` is 0 in the background:
+          `from_arrays(position[0].flip(0), normal[0].flip(0), rast[0, ..., 3].flip(0) > 0, eye=eye)`.
+        - PyTorch3D: rows and columns run as here, and `pix_to_face` is -1 in the background:
+          `from_arrays(position, normal, pix_to_face[0, ..., 0] >= 0, eye=eye)`. Its view axes have x left
+          and z forward: times (-1, 1, -1) they are ours about a camera at the origin, `eye=(0, 0, 0)`.
+
         Raises `BadInput` for shapes that do not match, an empty mask, masked pixels with no finite
         position or normal, and an eye without positions.
 
