@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from diffshade.channels import pairs
+from diffshade.errors import BadInput
 from diffshade.export.response import AbstractResponse
 from diffshade.vector import Vec3
 
@@ -55,31 +56,20 @@ def angular_error(
     """
     rms, largest = [], []
     for degrees in incidence:
-        found = _norms(exact, other, *_directions(np.radians(degrees), steps))
-        difference, whole, far, most = (float(x) for x in found)
-        rms.append(float(np.sqrt(difference / whole)) if whole else 0.0)
-        largest.append(far / most if most else 0.0)
+        l, v, weight = _directions(np.radians(degrees), steps)
+        both = [[np.asarray(x, np.float64) for x in p] for p in pairs(exact(l, v), other(l, v))]
+        a, b = (np.stack(planes) for planes in zip(*both, strict=True))
+        most = a.max(where=weight > 0, initial=0)
+        if not np.isfinite(most):
+            raise BadInput("the material's coefficients are too large to compare: scale them down")
+        a, difference = a / (most or 1), np.abs(a - b) / (most or 1)
+        whole = np.sum(weight * a**2)
+        rms.append(float(np.sqrt(np.sum(weight * difference**2) / whole)) if whole else 0.0)
+        largest.append(float(difference.max(where=weight > 0, initial=0)))
     return AngularError(tuple(incidence), tuple(rms), tuple(largest))
 
 
-def _norms(
-    exact: AbstractResponse,
-    other: AbstractResponse,
-    l: Vec3,
-    v: Vec3,
-    weight: Float[Array, "P"],
-) -> tuple[Array, ...]:
-    both = pairs(exact(l, v), other(l, v))
-    seen = weight > 0
-    return (
-        sum((jnp.sum(weight * (a - b) ** 2) for a, b in both), start=jnp.zeros(())),
-        sum((jnp.sum(weight * a * a) for a, _ in both), start=jnp.zeros(())),
-        jnp.stack([jnp.max(jnp.abs(a - b), where=seen, initial=0) for a, b in both]).max(),
-        jnp.stack([jnp.max(a, where=seen, initial=0) for a, _ in both]).max(),
-    )
-
-
-def _directions(incidence: float, steps: int) -> tuple[Vec3, Vec3, Float[Array, "P"]]:
+def _directions(incidence: float, steps: int) -> tuple[Vec3, Vec3, Float[np.ndarray, "P"]]:
     """l, and v with its solid angle, in polar angles theta = pi u^3, phi about the mirrored light.
 
     Half a turn around: the other half is alike. Solid angles below the surface are 0.
@@ -95,5 +85,5 @@ def _directions(incidence: float, steps: int) -> tuple[Vec3, Vec3, Float[Array, 
     weight = (np.sin(theta) * slope).ravel() * (v[2] > 0)
     l = np.stack([np.full_like(v[0], value) for value in (-sine, 0.0, cosine)])
     dtype = jnp.zeros(()).dtype
-    planes = [jnp.asarray(plane, dtype) for plane in (*l, *v, weight)]
-    return Vec3(*planes[:3]), Vec3(*planes[3:6]), planes[6]
+    planes = [jnp.asarray(plane, dtype) for plane in (*l, *v)]
+    return Vec3(*planes[:3]), Vec3(*planes[3:]), weight

@@ -17,9 +17,11 @@ from diffshade.reflectance.phong import Phong
 
 __all__ = [
     "RGB",
+    "WEIGHED",
     "Highlight",
     "ambient",
     "diffuse",
+    "facet_width",
     "head_on",
     "highlight",
     "lobe_ks",
@@ -29,6 +31,10 @@ __all__ = [
 ]
 
 RGB = Float[np.ndarray, "3"]
+
+NARROWEST = 1e-4
+"""The least alpha of facets that other tools, too, tell from a mirror."""
+WEIGHED = "the weight of the angle of incidence is taken as it is head-on"
 
 
 class Highlight(NamedTuple):
@@ -105,51 +111,46 @@ def highlight(material: Material) -> Highlight | None:
     narrow lobes. A lobe becomes Blinn's by `conversion`: the exponent 4 n of Phong's, or that of facets
     of its alpha; a weight of the incidence is taken head-on.
     """
-    lobes = material.specular
-    if not lobes:
-        return None
-    notes: tuple[str, ...] = ()
-    peaks, exponents, boundaries = [], [], []
-    for lobe in lobes:
-        ks, exponent, f0, said = _blinn(material, lobe)
-        notes += said
-        peaks.append(ks)
-        exponents.append(exponent)
-        boundaries.append(f0)
-    total = np.sum(peaks, axis=0)
-    heights = np.array([peak.mean() for peak in peaks])
-    exponent = exponents[int(heights.argmax())]
-    if len(lobes) > 1:
-        if heights.sum() > 0:
-            exponent = heights.sum() / np.sum(heights / (np.array(exponents) + 2)) - 2
-        notes += (
-            f"{len(lobes)} lobes are written as one, as high together and with as much light",
-        )
-    known = [f0 for f0 in boundaries if f0 is not None]
-    f0 = known[int(heights.argmax())] if len(known) == len(lobes) else None
-    return Highlight(total, max(float(exponent), 0.0), f0, tuple(dict.fromkeys(notes)))
+    found = [_nearest(lobe, lobe_ks(material, lobe)) for lobe in material.specular]
+    if len(found) < 2:
+        return found[0] if found else None
+    heights = np.array([own.ks.mean() for own in found])
+    exponents = np.array([own.exponent for own in found])
+    highest = found[int(heights.argmax())]
+    mean = highest.exponent
+    if heights.any():
+        mean = heights.sum() / np.sum(heights / (exponents + 2)) - 2
+    f0 = None if any(own.f0 is None for own in found) else highest.f0
+    merged = f"{len(found)} lobes are written as one, as high together and with as much light"
+    notes = dict.fromkeys((merged, *(note for own in found for note in own.notes)))
+    total: RGB = np.sum([own.ks for own in found], axis=0)
+    return Highlight(total, float(mean), f0, tuple(notes))
 
 
-def _blinn(
-    material: Material, lobe: AbstractLobe
-) -> tuple[RGB, float, RGB | None, tuple[str, ...]]:
-    """k_s, the exponent of n.h, F head-on, and what is lost."""
-    ks = lobe_ks(material, lobe)
-    if isinstance(lobe, Phong | BlinnPhong):
-        said: tuple[str, ...] = ()
-        if lobe.weight is not None:
-            ks = ks * head_on(lobe.weight)
-            said = ("the weight of the angle of incidence is taken as it is head-on",)
-        plain = to_blinn_phong(lobe) if isinstance(lobe, Phong) else lobe
-        exponent, mixed = one("the exponent", plain.shininess)
-        return ks, exponent, None, (*said, *mixed)
-    if not isinstance(lobe, AbstractMicrofacet):
+def facet_width(lobe: AbstractMicrofacet) -> tuple[float, tuple[str, ...]]:
+    """One alpha for all channels, and what there is to say of that; `BadInput` for that of a mirror."""
+    alpha, notes = one("alpha", lobe.alpha)
+    if alpha < NARROWEST:
+        raise BadInput(f"alpha is {alpha:.3g}, that of a mirror: give {NARROWEST:g} or more")
+    return alpha, notes
+
+
+def _nearest(lobe: AbstractLobe, ks: RGB) -> Highlight:
+    """One lobe as Blinn's."""
+    if isinstance(lobe, AbstractMicrofacet):
+        alpha, notes = facet_width(lobe)
+        f0 = None if lobe.fresnel is None else head_on(lobe.fresnel)
+        peak = ks / (4 * np.pi * alpha**2)  # D / 4 where n = l = v
+        exponent = max(float(exponent_of(alpha)), 0.0)
+        return Highlight(peak if f0 is None else peak * f0, exponent, f0, notes)
+    if not isinstance(lobe, Phong | BlinnPhong):
         raise BadInput(f"a lobe of kind {lobe.kind!r} has no form in other tools: use another")
-    alpha, mixed = one("alpha", lobe.alpha)
-    f0 = None if lobe.fresnel is None else head_on(lobe.fresnel)
-    peak = ks / (4 * np.pi * alpha**2)  # D / 4 where n = l = v
-    exponent = max(float(exponent_of(alpha)), 0.0)
-    return peak if f0 is None else peak * f0, exponent, f0, mixed
+    power = to_blinn_phong(lobe) if isinstance(lobe, Phong) else lobe
+    exponent, notes = one("the exponent", power.shininess)
+    if lobe.weight is not None:
+        ks = ks * head_on(lobe.weight)
+        notes += (WEIGHED,)
+    return Highlight(ks, exponent, None, notes)
 
 
 def _colour(value: Any | None) -> RGB:

@@ -22,7 +22,16 @@ import numpy as np
 from diffshade.channels import Channels, plus
 from diffshade.errors import BadInput
 from diffshade.export.angular_error import angular_error
-from diffshade.export.coefficients import RGB, diffuse, head_on, lobe_ks, one, rgb
+from diffshade.export.coefficients import (
+    RGB,
+    WEIGHED,
+    diffuse,
+    facet_width,
+    head_on,
+    lobe_ks,
+    one,
+    rgb,
+)
 from diffshade.export.document import NO_AMBIENT, Export, in_gamut, lit_by, write
 from diffshade.export.response import AbstractResponse, Exact
 from diffshade.reflectance.blinn_phong import BlinnPhong
@@ -136,16 +145,17 @@ def _facets(lobe: AbstractLobe, ks: RGB) -> tuple[Plugin, RGB, tuple[str, ...]]:
     notes: tuple[str, ...] = ()
     if isinstance(lobe, Phong | BlinnPhong):
         notes = ("Mitsuba has no lobe that is a power of a cosine: Beckmann's facets stand for it",)
-        weight = np.ones(3) if lobe.weight is None else head_on(lobe.weight)
+        if lobe.weight is not None:
+            ks, notes = ks * head_on(lobe.weight), (*notes, WEIGHED)
         power = to_blinn_phong(lobe) if isinstance(lobe, Phong) else lobe
         exponent, mixed = one("the exponent", power.shininess)
         peak: Any = 1.0
         width: Any = exponent
         lobe = to_beckmann(BlinnPhong(peak, width))
-        ks, notes = ks * weight * rgb(lobe.ks), notes + mixed
+        ks, notes = ks * rgb(lobe.ks), notes + mixed
     if not isinstance(lobe, AbstractMicrofacet):
         raise BadInput(f"a lobe of kind {lobe.kind!r} has no form in Mitsuba: use another")
-    alpha, mixed = one("alpha", lobe.alpha)
+    alpha, mixed = facet_width(lobe)
     known = {GGX: "ggx", Beckmann: "beckmann"}
     if type(lobe) not in known:
         mixed += (f"facets of kind {lobe.kind} are written as Beckmann's",)

@@ -98,3 +98,39 @@ def test_the_irradiance_that_is_said_to_be_enough_is() -> None:
     assert theirs(mitsuba_bsdf(MATERIALS["facets"], irradiance=enough)).max() > 0
     with pytest.raises(BadInput, match="nothing to write"):
         mitsuba_bsdf(ds.Material(ka=0.5))
+
+
+def test_a_ball_rendered_by_both() -> None:
+    """A directional light of the irradiance in Mitsuba is one of I_p = 1 here; 64 samples a pixel."""
+    mi, size, irradiance, sharp = mitsuba(), 20, 2.5, 4
+    towards = np.array([0.4, 0.5, 1.0]) / np.linalg.norm([0.4, 0.5, 1.0])
+    pose = mi.ScalarTransform4f().look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0])
+    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "direct"},
+        "sensor": {
+            "type": "orthographic",
+            "to_world": pose @ mi.ScalarTransform4f().scale([1.1, 1.1, 1]),
+            "film": film,
+            "sampler": {"type": "multijitter", "sample_count": 64},
+        },
+        "ball": {
+            "type": "sphere",
+            "bsdf": json.loads(as_mitsuba(MATERIALS["facets"], irradiance=irradiance).text),
+        },
+        "light": {
+            "type": "directional",
+            "direction": (-towards).tolist(),
+            "irradiance": {"type": "rgb", "value": irradiance},
+        },
+    }
+    traced = np.array(mi.render(mi.load_dict(scene)))[..., :3]
+    camera = ds.OrthographicCamera(sharp * size, sharp * size, 2.2)
+    light = ds.Scene(lights=ds.ParallelLight(towards))
+    fine = np.asarray(ds.render(ds.gbuffer(ds.Sphere(), camera), light, MATERIALS["facets"]))
+    mean = fine.reshape(size, sharp, size, sharp, 3).mean(axis=(1, 3))
+    y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) * 2.2 / size
+    inside = (np.hypot(x, y) < 0.85) & (mean[..., 0] > 0.05)
+    assert np.abs(traced[inside] / mean[inside] - 1).max() < 0.01
+    assert abs(traced[inside].mean() / mean[inside].mean() - 1) < 0.001
