@@ -47,7 +47,7 @@ class PerFace(Spread):
 class PerVertex(Spread):
     """Linear interpolation of the intensities at a face's three vertices (text B)."""
 
-    corners: Int[Array, "3 P"]
+    corners: tuple[Int[Array, "P"], Int[Array, "P"], Int[Array, "P"]]
     barycentric: Vec3
 
     def __call__(self, plane: Float[Array, "S"]) -> Float[Array, "P"]:
@@ -114,7 +114,8 @@ class GouraudShading(AbstractFrequency):
                 " colour; use PhongShading() or FlatShading(), or give each material its own mesh"
             )
         face, barycentric = visibility.on_mesh()
-        spread = PerVertex(mesh.faces[face].T, barycentric)
+        a, b, c = mesh.faces[face].T
+        spread = PerVertex((a, b, c), barycentric)
         return Samples(Vec3.from_array(mesh.vertices), mesh.vertex_normals(), None, spread)
 
 

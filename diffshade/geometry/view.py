@@ -113,8 +113,10 @@ def _in_bucket(
         samples, viewer = _sized(*given)
     if samples.spread is None:
         return cut(samples, count), viewer
-    spread = cut(samples.spread, count)  # the samples are faces or vertices
-    return dataclasses.replace(samples, spread=spread), viewer
+    spread = cut(samples.spread, count)
+    points = dataclasses.replace(samples, spread=None)  # faces or vertices
+    points = cut(pad(points), points.normal.x.size)
+    return dataclasses.replace(points, spread=spread), viewer
 
 
 @jax.jit

@@ -249,8 +249,11 @@ def _shaded(few: Few, given: Arguments) -> Channels:
     image = _image(basis, material, gbuffer.normal.x)
     if gbuffer.spread is None:
         return image
-    # Or XLA shades a point for every pixel that reads it
-    return tuple(map(gbuffer.spread, stored(lambda *planes: planes, *image)))
+    # Stored before, or XLA shades a point for every pixel that reads it; and after, or it spreads
+    # slowly, within the loop that puts channels side by side
+    spread = gbuffer.spread
+    points = stored(lambda *planes: planes, *image)
+    return stored(lambda *planes: tuple(map(spread, planes)), *points)
 
 
 def _stored(given: Arguments) -> Channels:

@@ -107,6 +107,14 @@ def test_images_of_many_sizes_share_their_programs(name, shading):
     assert not again
 
 
+@pytest.mark.parametrize("shading", [ds.PhongShading(), ds.FlatShading(), ds.GouraudShading()])
+def test_a_g_buffer_is_padded_once_and_not_for_every_render(shading):
+    camera = ds.OrthographicCamera(37, 23, 2.4)
+    g = ds.gbuffer(ds.Mesh(*icosphere(2)), camera, shading=shading)
+    first, again = (jax.tree.leaves(g.in_bucket()) for _ in range(2))
+    assert all(a is b for a, b in zip(first, again, strict=True))
+
+
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_exact_shapes_and_values_whatever_the_bucket(name, tolerance):
     geometry = GEOMETRIES[name]()
