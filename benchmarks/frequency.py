@@ -7,8 +7,9 @@ Icospheres of 80 to 81,920 triangles, with the ball's own normals at their verti
 Errors are in parts of the brightest pixel: over the pixels that see both within nine tenths of the
 outline's radius, and over those further out (the rim), where normals turn away faster than pixels
 follow; which pixels see the mesh at all is the same for every frequency. Times are CPU time on one
-core, medians over rounds in which all take their turn, each beside the ball's of that round. The G-buffer is what has to be done once for a
-mesh that stands still: casting rays at new triangles, and interpolating positions and normals.
+core, medians over rounds in which all take their turn, each beside the ball's of that round. The
+G-buffer is what has to be done once for a mesh that stands still: casting rays at new triangles, and
+interpolating positions and normals.
 """
 
 import time
