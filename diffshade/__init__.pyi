@@ -6,6 +6,8 @@ from .geometry.frequency import FlatShading as FlatShading
 from .geometry.frequency import GouraudShading as GouraudShading
 from .geometry.frequency import PhongShading as PhongShading
 from .geometry.gbuffer import GBuffer as GBuffer
+from .geometry.layers import layers as layers
+from .geometry.layers import peel as peel
 from .geometry.mesh import Mesh as Mesh
 from .geometry.sphere import Sphere as Sphere
 from .geometry.view import gbuffer as gbuffer
@@ -45,3 +47,6 @@ from .shading.render import render as render
 from .shading.shadows import shadowed as shadowed
 from .shading.sharded import Sharded as Sharded
 from .shading.sharded import shard as shard
+from .shading.transparency import FilteredTransparency as FilteredTransparency
+from .shading.transparency import InterpolatedTransparency as InterpolatedTransparency
+from .shading.transparency import render_layers as render_layers

@@ -10,16 +10,18 @@ nothing is copied but what is padded; elsewhere arrays would travel, and do not.
 
 import math
 import weakref
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from diffshade.arrays import is_outermost
 from diffshade.fusion import is_led
 
-__all__ = ["are_at_hand", "bucket", "cut", "pad", "room_for"]
+__all__ = ["are_at_hand", "bucket", "cut", "joined", "pad", "room_for", "split"]
 
 SMALLEST = 64
 """Images with fewer pixels share one program."""
@@ -87,6 +89,23 @@ _whole: dict[int, tuple[Any, Any]] = {}
 
 def _forget(part: int, _: Any) -> None:
     _whole.pop(part, None)
+
+
+def joined(*planes: Any) -> Any:
+    """Planes one after the other, on the host without a program for their lengths."""
+    if are_at_hand(planes):
+        return jax.device_put(np.concatenate(planes))
+    return jnp.concatenate(planes)
+
+
+def split(plane: Any, counts: Sequence[int]) -> list[Any]:
+    """The other way round: planes of so many each."""
+    ends = np.cumsum(counts)
+    parts = zip(ends - np.asarray(counts), ends, strict=True)
+    if are_at_hand(plane):
+        host = np.asarray(plane)
+        return jax.device_put([host[first:end] for first, end in parts])
+    return [plane[first:end] for first, end in parts]
 
 
 def room_for(shape: tuple[int, ...], dtype: Any) -> np.ndarray:

@@ -95,8 +95,11 @@ class FlatShading(AbstractFrequency):
         face, _ = visibility.on_mesh()
         a, b, c = mesh.corners()
         centroid, normal = (a + b + c) * (1 / 3), mesh.face_normals()
-        if mesh.slot is not None:  # coefficients differ from pixel to pixel: spread the faces first
-            return Samples(centroid[face], normal[face], mesh.slot[face])
+        side = visibility.side(normal.x.dtype)
+        if mesh.slot is not None or side is not None:
+            # Coefficients or sides differ from pixel to pixel: spread the faces first
+            turned = normal[face] if side is None else normal[face] * side
+            return Samples(centroid[face], turned, None if mesh.slot is None else mesh.slot[face])
         return Samples(centroid, normal, None, PerFace(face))
 
 
@@ -112,6 +115,11 @@ class GouraudShading(AbstractFrequency):
             raise BadInput(
                 "Gouraud shading of a mesh with slots: a vertex between two materials has no one"
                 " colour; use PhongShading() or FlatShading(), or give each material its own mesh"
+            )
+        if visibility.inside is not None:
+            raise BadInput(
+                "Gouraud shading of a layer: a vertex that is seen from both sides has no one"
+                " intensity; use PhongShading() or FlatShading()"
             )
         face, barycentric = visibility.on_mesh()
         a, b, c = mesh.faces[face].T

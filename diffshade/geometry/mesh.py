@@ -15,7 +15,7 @@ from diffshade.geometry.camera import AbstractCamera, Rays
 from diffshade.geometry.fields import indices
 from diffshade.geometry.normals import Weights, area_weights, plane_normals, vertex_normals
 from diffshade.geometry.remembered import remembered
-from diffshade.geometry.surface import AbstractSurface, Visibility
+from diffshade.geometry.surface import AbstractSurface, Crossings, Visibility
 from diffshade.vector import Vec3, direction, unit
 
 __all__ = ["Mesh"]
@@ -34,7 +34,8 @@ class Mesh(AbstractSurface):
     came with. Vertices may be traced by `jit` or `grad`; faces decide shapes and may not.
 
     Both sides of a triangle are seen, and its normals point to the outside on both: an open or
-    inside-out surface seen from behind is dark where the light is on the viewer's side.
+    inside-out surface seen from behind is dark where the light is on the viewer's side. In `layers`,
+    for transparent surfaces, they are turned to the viewer.
 
     Raises `BadInput` for shapes that do not fit and for indices outside the vertices.
 
@@ -103,6 +104,11 @@ class Mesh(AbstractSurface):
 
         return cast(self, camera)
 
+    def crossings(self, camera: AbstractCamera, count: int | None = None) -> Crossings:
+        from diffshade.geometry.crossings import crossings
+
+        return crossings(self, camera, count)
+
     def hides(
         self,
         points: Float[np.ndarray, "N 3"],
@@ -125,7 +131,8 @@ class Mesh(AbstractSurface):
         # Position and normal side by side: a vertex's six numbers are found at once, and once only.
         values = jnp.concatenate([self.vertices, self.vertex_normals().to_array()], axis=1)
         mean = stored(_interpolate, values, self.faces[face], barycentric)
-        return Vec3.from_array(mean[:, :3]), direction(Vec3.from_array(mean[:, 3:]))
+        normal, side = direction(Vec3.from_array(mean[:, 3:])), visibility.side(mean.dtype)
+        return Vec3.from_array(mean[:, :3]), normal if side is None else normal * side
 
 
 def _interpolate(

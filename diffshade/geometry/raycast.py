@@ -27,7 +27,7 @@ from diffshade.geometry.remembered import remembered
 from diffshade.geometry.surface import Visibility
 from diffshade.vector import Vec3, cross, dot
 
-__all__ = ["Target", "cast", "target_of"]
+__all__ = ["BLOCK", "Target", "View", "approach", "barycentric_coordinates", "cast", "target_of"]
 
 BLOCK = 2**15
 """Pixels whose rays a thread has in memory at once, whatever the size of the image."""
@@ -48,13 +48,19 @@ class Target(NamedTuple):
     views: dict[Any, Visibility]
 
 
-class _View(NamedTuple):
+class View(NamedTuple):
     """What the programs know of a camera and of the mesh's sphere, as numbers."""
 
     camera: AbstractCamera
     frame: Frame
     centre: Float[Array, "3"]
     radius: Float[Array, ""]
+
+    @classmethod
+    def of(cls, target: Target, camera: AbstractCamera) -> "View":
+        """In double precision."""
+        exact = jax.tree.map(partial(np.asarray, dtype=np.float64), camera.unframed())
+        return cls(exact, camera.frame, target.centre, target.radius)
 
 
 def cast(mesh: Mesh, camera: AbstractCamera) -> Visibility:
@@ -148,15 +154,14 @@ def _embree(points: Float[np.ndarray, "U 3"], triangles: Int[np.ndarray, "S 3"])
 def _cast(target: Target, camera: AbstractCamera, dtype: np.dtype) -> Visibility:
     total = camera.width * camera.height
     count = min(BLOCK, bucket(total))
-    exact = jax.tree.map(partial(np.asarray, dtype=np.float64), camera.unframed())
-    view = _View(exact, camera.frame, target.centre, target.radius)
+    view = View.of(target, camera)
     with ThreadPoolExecutor(processors()) as threads:
         block = partial(_block, target.scene, view, total, count)
         blocks = threads.map(block, range(0, total, count))
         pixel, met = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     where = pad((pixel, met))
     with jax.enable_x64(True):
-        barycentric, crosses = _barycentric(view, *where, target.corners, dtype)
+        barycentric, crosses = barycentric_coordinates(view, *where, target.corners, dtype)
     seen = (where[0], target.solid.take(where[1]), barycentric)
     kept = np.flatnonzero(np.asarray(crosses)[: pixel.size])
     if kept.size < pixel.size:
@@ -166,7 +171,7 @@ def _cast(target: Target, camera: AbstractCamera, dtype: np.dtype) -> Visibility
 
 
 def _block(
-    scene: Any, view: _View, total: int, count: int, start: int
+    scene: Any, view: View, total: int, count: int, start: int
 ) -> tuple[Int[np.ndarray, "P"], Int[np.ndarray, "P"]]:
     """Those of a block of pixels that see the mesh, and the triangles that their rays meet.
 
@@ -183,17 +188,22 @@ def _block(
 
 @jax.jit(static_argnames="count")
 def _rays(
-    view: _View, start: Int[Array, ""], count: int
+    view: View, start: Int[Array, ""], count: int
 ) -> tuple[Float[Array, "N 6"], Bool[Array, "N"]]:
     """The rays through pixels, for Embree, and which of them meet the mesh's sphere."""
-    (o, d), meets = _approach(view, start + jnp.arange(count, dtype=jnp.int32))
+    (o, d), _, meets = approach(view, start + jnp.arange(count, dtype=jnp.int32))
     d = Vec3(*(jnp.broadcast_to(plane, (count,)) for plane in (d.x, d.y, d.z)))
     rows = jnp.stack([o.x, o.y, o.z, d.x, d.y, d.z], axis=1)
     return rows.astype(jnp.float32), meets
 
 
-def _approach(view: _View, pixel: Int[Array, "N"]) -> tuple[Rays, Bool[Array, "N"]]:
-    """Pixels' rays in the mesh's unit coordinates, started just in front of its sphere; which meet it."""
+def approach(
+    view: View, pixel: Int[Array, "N"]
+) -> tuple[Rays, Float[Array, "N"], Bool[Array, "N"]]:
+    """Pixels' rays in the mesh's unit coordinates, started just in front of its sphere.
+
+    How far that is along the camera's rays, and which of them meet the sphere.
+    """
     camera = view.camera
     origin, direction = camera.through(*view.frame.points(pixel, camera.up.dtype))
     origin = (origin - Vec3.from_array(view.centre)) * (1 / view.radius)
@@ -204,12 +214,12 @@ def _approach(view: _View, pixel: Int[Array, "N"]) -> tuple[Rays, Bool[Array, "N
     if camera.position is not None:
         meets &= along > -1.5
         first = jnp.maximum(first, 0)
-    return Rays(closest + (first - along) * direction, direction), meets
+    return Rays(closest + (first - along) * direction, direction), first, meets
 
 
 @jax.jit(static_argnames="dtype")
-def _barycentric(
-    view: _View,
+def barycentric_coordinates(
+    view: View,
     pixel: Int[Array, "N"],
     triangle: Int[Array, "N"],
     corners: Float[Array, "S 9"],
@@ -223,7 +233,7 @@ def _barycentric(
     """
 
     def volumes() -> tuple[Float[Array, "N"], ...]:
-        (o, d), _ = _approach(view, pixel)
+        (o, d), _, _ = approach(view, pixel)
         abc = corners.at[triangle].get(mode="promise_in_bounds")
         a, b, c = (Vec3.from_array(abc[:, k : k + 3]) for k in (0, 3, 6))
         s, e1, e2 = o - a, b - a, c - a

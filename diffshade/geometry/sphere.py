@@ -15,7 +15,7 @@ from diffshade.buckets import bucket
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import AbstractCamera, Frame, Rays
 from diffshade.geometry.fields import number
-from diffshade.geometry.surface import AbstractSurface, Visibility
+from diffshade.geometry.surface import AbstractSurface, Crossings, Visibility
 from diffshade.vector import Vec3, dot
 
 __all__ = ["Sphere"]
@@ -25,7 +25,8 @@ class Sphere(AbstractSurface):
     """|P - center| = radius (LIGHT-14), radius > 0, seen from outside.
 
     A pixel is foreground where the ray through its centre meets the sphere, the outline included.
-    A camera inside sees nothing of it. On the outline the depth has derivative 0.
+    A camera inside sees nothing of it. On the outline the depth has derivative 0. In the `layers` of
+    transparent surfaces its far side is seen too, from a camera inside as well.
 
     >>> Sphere(center=(0, 0, 0), radius=1.0).center.shape
     (3,)
@@ -38,23 +39,47 @@ class Sphere(AbstractSurface):
     follows_rays: ClassVar[bool] = True
 
     def visibility(self, camera: AbstractCamera) -> Visibility:
+        near, _ = self._distances(camera)
+        # Converted on the host: JAX would compile that for every number of pixels.
+        index = np.flatnonzero(_in_front(near, camera)).astype(np.int32)
+        return Visibility((camera.height, camera.width), jax.device_put(index))
+
+    def crossings(self, camera: AbstractCamera, count: int | None = None) -> Crossings:
+        near, far = self._distances(camera)
+        # On the outline the two are one
+        met = np.stack([_in_front(near, camera), _in_front(far, camera) & (far > near)])
+        if count == 1:
+            met[1] &= ~met[0]
+        inside, index = (numbers.astype(np.int32) for numbers in np.nonzero(met))
+        seen = Visibility(
+            shape=(camera.height, camera.width),
+            index=jax.device_put(index),
+            inside=jax.device_put(inside.astype(bool)),
+        )
+        return Crossings(seen, np.stack([near, far])[met])
+
+    def _distances(self, camera: AbstractCamera) -> Float[np.ndarray, "2 N"]:
+        """Of every pixel's ray, where it enters and where it leaves; NaN where it does not meet."""
         if not float(self.radius) > 0:
             raise BadInput(f"the sphere's radius is {float(self.radius):g}: it must be above 0")
         count = camera.width * camera.height
         with jax.enable_x64(True):  # the outline is that of the numbers given, not of roundings
             exact = jax.tree.map(partial(np.asarray, dtype=np.float64), (self, camera.unframed()))
-            seen = np.asarray(_sees(*exact, camera.frame, bucket(count)))[:count]
-        # Converted on the host: JAX would compile that for every number of pixels.
-        index = np.flatnonzero(seen).astype(np.int32)
-        return Visibility((camera.height, camera.width), jax.device_put(index))
+            middle, square = map(np.asarray, _chord(*exact, camera.frame, bucket(count)))
+        with np.errstate(invalid="ignore"):
+            half = np.sqrt(square)
+        return np.stack([middle - half, middle + half])[:, :count]
 
     def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
         _, across, depth_squared = self._closest(rays)
         # LIGHT-15: z = sqrt(r^2 - dx^2 - dy^2), measured back along the ray from its closest point
         # to the centre. Its derivative on the outline, where z = 0, is infinite; here it is 0 there.
-        normal = (across - rays.direction * guard.sqrt(depth_squared)) * (1 / self.radius)
+        depth, side = guard.sqrt(depth_squared), visibility.side(depth_squared.dtype)
+        depth = depth if side is None else depth * side
+        normal = (across - rays.direction * depth) * (1 / self.radius)
         # LIGHT-16, the other way round: from the eye, which may be far, rounding would be larger.
-        return Vec3.from_array(self.center) + normal * self.radius, normal
+        position = Vec3.from_array(self.center) + normal * self.radius
+        return position, normal if side is None else normal * side
 
     def hides(
         self,
@@ -84,8 +109,14 @@ class Sphere(AbstractSurface):
 
 
 @jax.jit(static_argnames="count")
-def _sees(sphere: Sphere, camera: AbstractCamera, frame: Frame, count: int) -> Bool[Array, "N"]:
+def _chord(
+    sphere: Sphere, camera: AbstractCamera, frame: Frame, count: int
+) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
+    """Along each ray, the middle of what is inside, and the square of half its length."""
     pixels = frame.points(jnp.arange(count, dtype=jnp.int32), camera.up.dtype)
     along, _, depth_squared = sphere._closest(camera.through(*pixels))
-    in_front = camera.position is None or along - guard.sqrt(depth_squared) > 0
-    return (depth_squared >= 0) & in_front
+    return along, depth_squared
+
+
+def _in_front(distance: Float[np.ndarray, "N"], camera: AbstractCamera) -> Bool[np.ndarray, "N"]:
+    return distance > (-np.inf if camera.position is None else 0)

@@ -1,6 +1,7 @@
 """What every surface is: something a camera sees through some pixels, with a position and a normal."""
 
 from abc import abstractmethod
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -10,7 +11,7 @@ from diffshade.errors import BadInput
 from diffshade.geometry.camera import AbstractCamera, Rays
 from diffshade.vector import Vec3
 
-__all__ = ["AbstractSurface", "Visibility"]
+__all__ = ["AbstractSurface", "Crossings", "Visibility"]
 
 
 class Visibility(eqx.Module):
@@ -24,6 +25,11 @@ class Visibility(eqx.Module):
     index: Int[Array, "P"]
     face: Int[Array, "P"] | None = None
     barycentric: Vec3 | None = None
+    inside: Bool[Array, "P"] | None = None
+
+    def side(self, dtype: np.dtype) -> Float[Array, "P"] | None:
+        """1 where the surface is seen from outside, -1 from inside; None if nowhere."""
+        return None if self.inside is None else 1 - 2 * self.inside.astype(dtype)
 
     def on_mesh(self) -> tuple[Int[Array, "P"], Vec3]:
         """The faces and the barycentric coordinates, which the visibility of a mesh has."""
@@ -33,6 +39,16 @@ class Visibility(eqx.Module):
                 " ds.visibility(mesh, camera)"
             )
         return self.face, self.barycentric
+
+
+class Crossings(NamedTuple):
+    """Where pixels' rays cross a surface: `visibility` has a pixel as often as its ray crosses.
+
+    `distance` is measured along the rays of the camera, in double precision.
+    """
+
+    visibility: Visibility
+    distance: Float[np.ndarray, "N"]
 
 
 class AbstractSurface(eqx.Module):
@@ -47,6 +63,10 @@ class AbstractSurface(eqx.Module):
     @abstractmethod
     def visibility(self, camera: AbstractCamera) -> Visibility:
         """Which pixels see it, from concrete values."""
+
+    @abstractmethod
+    def crossings(self, camera: AbstractCamera, count: int | None = None) -> Crossings:
+        """Where each pixel's ray crosses it, its first `count` times or always, from concrete values."""
 
     @abstractmethod
     def points(self, rays: Rays, visibility: Visibility) -> tuple[Vec3, Vec3]:
