@@ -191,6 +191,34 @@ def ball(camera: Callable[..., Any], case: dict[str, Any]) -> Any:
     return g.position, g.normal, g.viewer
 
 
+def inside(*pixels: bool) -> Visibility:
+    """The same pixels, some of which see a surface from inside."""
+    return eqx.tree_at(lambda s: s.inside, PIXELS, jnp.array(pixels), is_leaf=lambda x: x is None)
+
+
+LAYERS = ((inside(False, False, True, False),), (inside(True, True, False, True),))
+
+
+def both_sides(case: dict[str, Any]) -> Any:
+    """The same from both sides."""
+    given = ds.Sphere(case["center"], case["radius"]), orthographic(case)
+    found = ds.layers(*given, visibility=LAYERS)
+    return [(g.position, g.normal) for (g,) in found]
+
+
+def behind_each_other(kind: type[Any]) -> Contract:
+    """A transparent point before another one, before a background."""
+
+    def of(case: dict[str, Any]) -> Any:
+        colour = (case["od"],) if kind is ds.FilteredTransparency else ()
+        scene = ds.Scene(case["ambient"], point_light(case))
+        layers = ((gbuffer(case),), (gbuffer(case),))
+        transparency = kind(case["ks"], *colour)
+        return ds.render_layers(layers, scene, material(case), transparency, case["observed"])
+
+    return Contract(strategies.captures, of)
+
+
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 
 

@@ -20,7 +20,9 @@ from computed import (
     around_white,
     attenuated,
     ball,
+    behind_each_other,
     between_colours,
+    both_sides,
     error,
     faceted,
     from_basis,
@@ -131,6 +133,7 @@ NO_FLOATS = {
     "compiler_options": "options of a compiler",
     "load_mesh": "reads a file; what it gives is a Mesh",
     "visibility": "decides on values, and is never differentiated",
+    "peel": "the same",
 }
 
 
@@ -212,6 +215,9 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("gbuffer", "Sphere", "OrthographicCamera"): Contract(
         strategies.spheres, partial(ball, orthographic)
     ),
+    ("layers",): Contract(strategies.spheres, both_sides),
+    ("render_layers", "InterpolatedTransparency"): behind_each_other(ds.InterpolatedTransparency),
+    ("FilteredTransparency",): behind_each_other(ds.FilteredTransparency),
     ("PerspectiveCamera",): Contract(strategies.spheres, partial(ball, perspective)),
     ("Mesh",): Contract(strategies.meshes, partial(triangles, ds.PhongShading(), True)),
     **{

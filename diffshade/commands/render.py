@@ -15,17 +15,19 @@ def render(path: Path, *, out: Path, allow_outside: bool) -> int:
     progress(f"reading {path}")
     from diffshade.io.image import write_image
     from diffshade.io.scene_toml import read_scene_toml
-    from diffshade.shading.render import render as render_image
+    from diffshade.shading.transparency import render_layers
 
     file = read_scene_toml(path, allow_outside=allow_outside)
     for found in file.notes:
         note(found)
-    gbuffer = file.gbuffer(path)
-    progress(f"rendering {gbuffer.pixel_count} pixels")
+    layers = file.layers(path)
+    pixels = sum(gbuffer.pixel_count for (gbuffer,) in layers)
+    progress(f"rendering {pixels} pixels" + f" in {len(layers)} layers" * (len(layers) > 1))
     with naming(path):
-        image = np.asarray(render_image(gbuffer, file.lit(gbuffer), file.material))
+        scene = file.lit(layers[0][0])
+        image = np.asarray(render_layers(layers, scene, [file.material], file.transparency))
     write_image(out, image)
-    brighter = np.mean(image[gbuffer.mask].max(axis=-1) > 1)
+    brighter = np.mean(image[layers[0][0].mask].max(axis=-1) > 1)
     if brighter and out.suffix.lower() == ".png":
         note(
             f"{100 * brighter:.2g} % of the object's pixels are brighter than 1, and white in"

@@ -98,9 +98,10 @@ def layers(
     """
     given = _objects(objects)
     seen = peel(given, camera, count) if visibility is None else visibility
-    if any(len(layer) != len(given) for layer in seen):
+    forms = {tuple(jax.tree.structure(of) for of in layer) for layer in seen}
+    if len(forms) != 1 or len(seen[0]) != len(given):
         raise BadInput(
-            f"the visibility is not of {len(given)} objects: give what ds.peel gives of them"
+            f"the visibility is not that of layers of {len(given)} objects: give what ds.peel gives"
         )
     of_objects = [
         _gbuffers(surface, camera, parts)

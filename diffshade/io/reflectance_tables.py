@@ -4,10 +4,12 @@
     { kind = "ggx", ks = 1.0, alpha = 0.1, masking = "separable",
       fresnel = { kind = "dielectric", index = 1.5 } }
     { kind = "fresnel", index = 1.5 }                            # a body
+    { kind = "filtered", kt = 0.8, colour = [1, 0.6, 0.3] }      # a transparency
 
 Beside "ggx" are "beckmann", with an optional `rational`, and "torrance_sparrow"; beside "dielectric" are
 "conductor", of `index` and `extinction`, and "schlick", of `f0`. `masking` and `fresnel` are optional,
-as is the `weight` of the others, a table like `fresnel`.
+as is the `weight` of the others, a table like `fresnel`. Beside "filtered", with an optional `colour`, is
+"interpolated", of `kt`.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ if TYPE_CHECKING:
     from diffshade.reflectance.body import FresnelBody
     from diffshade.reflectance.fresnel import AbstractFresnel
     from diffshade.reflectance.lobe import AbstractLobe
+    from diffshade.shading.transparency import AbstractTransparency
 
-__all__ = ["per_channel_keys", "read_body", "read_lobe"]
+__all__ = ["per_channel_keys", "read_body", "read_lobe", "read_transparency"]
 
 
 def read_lobe(table: Table) -> AbstractLobe:
@@ -61,13 +64,27 @@ def read_body(table: Table) -> FresnelBody:
         return FresnelBody(table.per_channel("index", above=0.0))
 
 
-def per_channel_keys(lobe_or_body: Table) -> list[tuple[Table, str]]:
-    """What may have one number a channel, and where it stands."""
-    keys = ("ks", "shininess", "alpha", "index", "extinction", "f0")
-    found = [(lobe_or_body, key) for key in keys if key in lobe_or_body]
+def read_transparency(table: Table) -> AbstractTransparency:
+    """A transparency, by its `kind`."""
+    from diffshade.shading.transparency import FilteredTransparency, InterpolatedTransparency
+
+    kind = table.choice("kind", ("interpolated", "filtered"))
+    colour = ("colour",) if kind == "filtered" else ()
+    table.expect(("kind", "kt"), colour)
+    given = {key: table.per_channel(key) for key in ("kt", *colour) if key in table}
+    with table.naming():
+        if kind == "interpolated":
+            return InterpolatedTransparency(**given)
+        return FilteredTransparency(**given)
+
+
+def per_channel_keys(part: Table) -> list[tuple[Table, str]]:
+    """What of a lobe, a body or a transparency may have one number a channel, and where it stands."""
+    keys = ("ks", "shininess", "alpha", "index", "extinction", "f0", "kt", "colour")
+    found = [(part, key) for key in keys if key in part]
     for key in ("fresnel", "weight"):
-        if key in lobe_or_body:
-            found += per_channel_keys(lobe_or_body.table(key))
+        if key in part:
+            found += per_channel_keys(part.table(key))
     return found
 
 

@@ -15,7 +15,8 @@
     shininess = 32
 
 `body`, the boundary over the diffuse term, stands beside `kd`; so do `od` and `os`, the object
-colours. `schema = "diffshade.scene/1"` may stand at the top.
+colours, and `transparency`: the far side of the surface is then seen through the near one.
+`schema = "diffshade.scene/1"` may stand at the top.
 """
 
 from __future__ import annotations
@@ -25,8 +26,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from diffshade.errors import BadInput
-from diffshade.io.reflectance_tables import per_channel_keys, read_body, read_lobe
+from diffshade.errors import BadInput, naming
+from diffshade.io.reflectance_tables import (
+    per_channel_keys,
+    read_body,
+    read_lobe,
+    read_transparency,
+)
 from diffshade.io.toml_document import Table, read_toml
 from diffshade.io.toml_tables import (
     asks_for_fit,
@@ -47,6 +53,7 @@ if TYPE_CHECKING:
     from diffshade.reflectance.lobe import AbstractLobe
     from diffshade.reflectance.material import Material
     from diffshade.scene import Scene
+    from diffshade.shading.transparency import AbstractTransparency
 
 __all__ = ["SCHEMA", "SceneFile", "read_scene_toml"]
 
@@ -69,6 +76,7 @@ class SceneFile(NamedTuple):
     shadows: bool
     notes: tuple[str, ...]
     """What was found on reading, one line each, for the user to see."""
+    transparency: AbstractTransparency | None = None
 
     def gbuffer(self, path: Path) -> GBuffer:
         """The G-buffer to render; complaints name the file `path`."""
@@ -83,6 +91,19 @@ class SceneFile(NamedTuple):
             return self.scene
         assert isinstance(self.geometry, AbstractSurface)
         return replace(self.scene, lights=shadowed(self.lights, gbuffer, self.geometry))
+
+    def layers(self, path: Path) -> tuple[tuple[GBuffer, ...], ...]:
+        """What is seen and what is behind it, as `ds.layers` gives it; of what is opaque the first."""
+        nearest = self.gbuffer(path)
+        if self.transparency is None:
+            return ((nearest,),)
+        from diffshade.geometry.layers import layers
+        from diffshade.geometry.surface import AbstractSurface
+
+        assert isinstance(self.geometry, AbstractSurface)  # the reader has refused what is not
+        assert self.camera is not None
+        with naming(path):
+            return layers(self.geometry, self.camera)
 
 
 def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
@@ -108,8 +129,12 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     if ambient is None and not lights:
         top.fail("there is no light; give lights, ambient, or both")
     material: Material | tuple[Material, ...] | None = None
+    transparency = None
     if "material" in top:
-        material = _material(top.table("material"))
+        table = top.table("material")
+        material = _material(table)
+        if "transparency" in table:
+            transparency = read_transparency(table.table("transparency"))
     with top.naming():
         given = tuple(map(read_light, lights))
         scene = Scene(ambient=ambient, lights=given)
@@ -124,7 +149,21 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
         if not of_mesh:
             top.fail('the key "material" is missing; only a mesh with materials needs none')
         material = of_mesh
-    return SceneFile(geometry, camera, scene, material, shading, given, shadows, notes)
+    if transparency is not None:
+        _check_layers(top, shadows)
+    seen = geometry, camera, scene, material, shading, given, shadows, notes
+    return SceneFile(*seen, transparency)
+
+
+def _check_layers(top: Table, shadows: bool) -> None:
+    """Refuse what has no layers."""
+    table = top.table("material").table("transparency")
+    if top.table("geometry").values["kind"] == "normals":
+        table.fail("a map of normals has nothing behind it; give a sphere or a mesh")
+    if top.values.get("shading", "phong") != "phong":
+        table.fail('what is transparent is shaded once a pixel; leave out shading, or give "phong"')
+    if shadows:
+        table.fail("light that a transparent surface lets through casts no full shadow; leave out shadows")
 
 
 def _shading(top: Table) -> AbstractFrequency:
@@ -142,7 +181,7 @@ def _material(table: Table) -> Material:
     from diffshade.reflectance.material import Material
 
     coefficients = ("ka", "kd", "od", "os")
-    table.expect((), (*coefficients, "specular", "body"))
+    table.expect((), (*coefficients, "specular", "body", "transparency"))
     if not {"ka", "kd", "specular"} & set(table.values):
         table.fail("it has no term; give ka, kd or specular")
     lobes: tuple[AbstractLobe, ...] = ()
@@ -161,8 +200,8 @@ def _one_channel_count(top: Table, lights: list[Table]) -> None:
         material = top.table("material")
         tables += [(material, key) for key in ("ka", "kd", "od", "os")]
         lobes = material.tables("specular", "lobe") if "specular" in material else []
-        bodies = [material.table("body")] if "body" in material else []
-        for part in (*lobes, *bodies):
+        others = [material.table(key) for key in ("body", "transparency") if key in material]
+        for part in (*lobes, *others):
             tables += per_channel_keys(part)
     counts = {}
     for table, key in tables:

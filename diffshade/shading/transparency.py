@@ -176,8 +176,6 @@ def _check(layers: Sequence[Sequence[GBuffer]]) -> int:
         raise BadInput("the layers have not one G-buffer an object each: give what ds.layers gives")
     if len({part.shape for part in parts}) > 1:
         raise BadInput("the layers are of different sizes: give those of one camera")
-    if any(part.spread is not None for part in parts):
-        raise BadInput("a layer is shaded once a face or vertex: give one shaded once a pixel")
     return len(layers[0])
 
 
@@ -194,6 +192,8 @@ def _stacked(parts: Sequence[GBuffer]) -> GBuffer:
     """An object's part in every layer, as one of images that stand one below the other."""
     if len(parts) == 1:
         return parts[0]
+    if any(part.spread is not None for part in parts):
+        raise BadInput("a layer is shaded once a face or vertex: give one shaded once a pixel")
     pixels = parts[0].shape[0] * parts[0].shape[1]
     normal, position, slot = jax.tree.map(
         joined, *((part.normal, part.position, part.slot) for part in parts)

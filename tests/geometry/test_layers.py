@@ -224,7 +224,10 @@ def test_what_is_refused():
         ds.peel([], FLAT)
     with pytest.raises(ds.BadInput, match="count is 0: give at least 1 layer"):
         ds.peel(ds.Sphere(), FLAT, 0)
-    with pytest.raises(ds.BadInput, match="the visibility is not of 2 objects"):
-        ds.layers([ds.Sphere()] * 2, FLAT, visibility=ds.peel(ds.Sphere(), FLAT))
+    (near,), far = ds.peel(ds.Sphere(), FLAT)
+    seen = ds.visibility(ds.Sphere(), FLAT)
+    for count, visibility in ((2, ((near,), far)), (1, ((seen,), far)), (1, ())):
+        with pytest.raises(ds.BadInput, match=f"not that of layers of {count} objects"):
+            ds.layers([ds.Sphere()] * count, FLAT, visibility=visibility)
     with pytest.raises(ds.BadInput, match=r"compute ds\.peel\(objects, camera\) outside"):
         jax.jit(lambda r: ds.layers(ds.Sphere(radius=r), FLAT)[0][0].normal.x)(1.0)

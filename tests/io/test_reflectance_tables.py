@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 from test_scene_toml import read
 
 import diffshade as ds
+from diffshade.cli import run
 from diffshade.errors import BadInput
 
 PHONG = 'kind      = "phong"\nks        = 0.5\nshininess = 20'
@@ -50,11 +52,59 @@ def test_a_weight(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        ('{ kind = "interpolated", kt = 0.3 }', ds.InterpolatedTransparency(0.3)),
+        ('{ kind = "filtered", kt = [0.5, 1, 0] }', ds.FilteredTransparency((0.5, 1, 0))),
+        (
+            '{ kind = "filtered", kt = 0.9, colour = [1, 0.6, 0.3] }',
+            ds.FilteredTransparency(0.9, (1, 0.6, 0.3)),
+        ),
+    ],
+)
+def test_the_far_side_through_the_near_one(table: str, expected: object, tmp_path: Path) -> None:
+    """By `diffshade render`: what the two sides of the sphere add up to, before black."""
+    file = read(tmp_path, (KD, f"{KD}\ntransparency = {table}"))
+    assert eqx.tree_equal(file.transparency, expected)
+    out = tmp_path / "image.npy"
+    assert run(["render", str(tmp_path / "scene.toml"), "--out", str(out)]) == 0
+    near, far = (g for (g,) in file.layers(tmp_path / "scene.toml"))
+    front, behind = (np.asarray(ds.render(g, file.scene, file.material)) for g in (near, far))
+    a, b = map(np.asarray, expected.shares())
+    image = np.load(out)
+    assert image.max() > 0.3
+    np.testing.assert_allclose(image, a * front + b * a * behind, atol=1e-5)
+    plain = read(tmp_path)
+    assert plain.transparency is None
+    assert len(plain.layers(tmp_path / "scene.toml")) == 1
+
+
+@pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
         (PHONG, GGX + "shininess = 20", 'lobe 1: unknown key "shininess"; the keys here are kind'),
         (PHONG, GGX.replace("0.2", "0"), "lobe 1: alpha is 0; give a number above 0"),
         (PHONG, 'kind = "ggx"\nks = 1', 'lobe 1: the key "alpha" is missing'),
+        (
+            KD,
+            f'{KD}\ntransparency = {{ kind = "glass" }}',
+            "transparency: kind is 'glass'; give one of",
+        ),
+        (
+            KD,
+            f'{KD}\ntransparency = {{ kind = "interpolated", kt = 1.5 }}',
+            "material, transparency: kt is 1.5: give a part of the light, 0 to 1",
+        ),
+        (
+            KD,
+            f'{KD}\ntransparency = {{ kind = "interpolated", kt = 1, colour = 1 }}',
+            'transparency: unknown key "colour"',
+        ),
+        (
+            KD,
+            f'{KD}\ntransparency = {{ kind = "filtered", kt = [1, 1] }}',
+            "kt has 2 numbers; give one number, or one for each channel",
+        ),
         (PHONG, 'kind = "velvet"', "lobe 1: kind is 'velvet'; give one of \"phong\""),
         (PHONG, GGX + 'masking = "none"', "masking is 'none'; give one of \"height-correlated\""),
         (
@@ -89,3 +139,24 @@ def test_what_is_wrong_is_said(old: str, new: str, complaint: str, tmp_path: Pat
     assert complaint in str(refused.value)
     assert "\n" not in str(refused.value)
     assert str(refused.value).startswith(str(tmp_path / "scene.toml"))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (("ambient ", 'shading = "flat"\nambient '), "is shaded once a pixel; leave out shading"),
+        (
+            (
+                'kind = "sphere", center = [0, 0.1, 0], radius = 1.0',
+                'kind = "normals", file = "n.npz"',
+            ),
+            "transparency: a map of normals has nothing behind it",
+        ),
+    ],
+)
+def test_what_has_no_layers(change: tuple[str, str], complaint: str, tmp_path: Path) -> None:
+    up = np.tile([0.0, 0.0, 1.0], (20, 24, 1))
+    np.savez(tmp_path / "n.npz", normal=up, position=up)
+    see_through = KD + '\ntransparency = { kind = "interpolated", kt = 0.5 }'
+    with pytest.raises(BadInput, match=complaint):
+        read(tmp_path, (KD, see_through), change)

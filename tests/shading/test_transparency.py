@@ -292,7 +292,10 @@ both = partial(render_layers, LAYERS, SCENE)
         ),
         (
             lambda: render_layers(
-                [[ds.gbuffer(OBJECTS[1], CAMERA, shading=ds.FlatShading())]], SCENE, WALL
+                [[ds.gbuffer(OBJECTS[1], CAMERA, shading=ds.FlatShading())]] * 2,
+                SCENE,
+                WALL,
+                ds.InterpolatedTransparency(0.5),
             ),
             "shaded once a face or vertex",
         ),
