@@ -85,7 +85,8 @@ def layers(
     `result[k][i]` holds the pixels that have object i as their k-th surface from the front: every
     pixel of a layer is of one object, or of none. Of a sphere the far side is there too, and of a mesh
     each triangle from either side; the normal of a surface that is seen from inside is turned to the
-    viewer. The first layers alone are `result[:k]`. Points are shaded once a pixel.
+    viewer. What an opaque object hides is among them too, for nothing here knows materials. The first
+    layers alone are `result[:k]`. Points are shaded once a pixel.
 
     With `visibility`, what `peel` gives, it is jittable, and differentiable in the objects and the
     camera at fixed visibility. Raises `BadInput` as `peel` does.

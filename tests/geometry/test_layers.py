@@ -191,6 +191,7 @@ def test_slots_and_faces_follow():
         ds.gbuffer(mesh, FLAT, ds.peel(mesh, FLAT)[0][0], shading=ds.GouraudShading())
 
 
+@pytest.mark.slow
 @pytest.mark.float64
 def test_derivatives_at_fixed_visibility():
     """Of both sides of a sphere and of a mesh, against finite differences."""

@@ -173,6 +173,7 @@ def test_a_program_does_not_depend_on_what_is_nested(tolerance: float) -> None:
     assert outermost.shape == (12, 16, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.float64
 def test_every_derivative() -> None:
     """By both transparencies, materials, lights and the background: forward, reverse, differences."""
@@ -213,6 +214,7 @@ def is_numbers(x: object) -> bool:
     return isinstance(x, tuple)
 
 
+@pytest.mark.slow
 @pytest.mark.float64
 def test_derivatives_by_the_geometry() -> None:
     """A sphere before a sheet, both moved, at fixed visibility."""
