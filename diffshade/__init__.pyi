@@ -35,6 +35,8 @@ from .reflectance.microfacet import GGX as GGX
 from .reflectance.microfacet import Beckmann as Beckmann
 from .reflectance.microfacet import TorranceSparrow as TorranceSparrow
 from .reflectance.phong import Phong as Phong
+from .reflectance.transparency import FilteredTransparency as FilteredTransparency
+from .reflectance.transparency import InterpolatedTransparency as InterpolatedTransparency
 from .scene import Scene as Scene
 from .shading.basis import Basis as Basis
 from .shading.basis import basis as basis
@@ -47,6 +49,4 @@ from .shading.render import render as render
 from .shading.shadows import shadowed as shadowed
 from .shading.sharded import Sharded as Sharded
 from .shading.sharded import shard as shard
-from .shading.transparency import FilteredTransparency as FilteredTransparency
-from .shading.transparency import InterpolatedTransparency as InterpolatedTransparency
 from .shading.transparency import render_layers as render_layers

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from diffshade.reflectance.body import FresnelBody
     from diffshade.reflectance.fresnel import AbstractFresnel
     from diffshade.reflectance.lobe import AbstractLobe
-    from diffshade.shading.transparency import AbstractTransparency
+    from diffshade.reflectance.transparency import AbstractTransparency
 
 __all__ = ["per_channel_keys", "read_body", "read_lobe", "read_transparency"]
 
@@ -66,7 +66,7 @@ def read_body(table: Table) -> FresnelBody:
 
 def read_transparency(table: Table) -> AbstractTransparency:
     """A transparency, by its `kind`."""
-    from diffshade.shading.transparency import FilteredTransparency, InterpolatedTransparency
+    from diffshade.reflectance.transparency import FilteredTransparency, InterpolatedTransparency
 
     kind = table.choice("kind", ("interpolated", "filtered"))
     colour = ("colour",) if kind == "filtered" else ()

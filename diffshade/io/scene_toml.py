@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from diffshade.light.distributed import AbstractEmitter
     from diffshade.reflectance.lobe import AbstractLobe
     from diffshade.reflectance.material import Material
+    from diffshade.reflectance.transparency import AbstractTransparency
     from diffshade.scene import Scene
-    from diffshade.shading.transparency import AbstractTransparency
 
 __all__ = ["SCHEMA", "SceneFile", "read_scene_toml"]
 
@@ -163,7 +163,9 @@ def _check_layers(top: Table, shadows: bool) -> None:
     if top.values.get("shading", "phong") != "phong":
         table.fail('what is transparent is shaded once a pixel; leave out shading, or give "phong"')
     if shadows:
-        table.fail("light that a transparent surface lets through casts no full shadow; leave out shadows")
+        table.fail(
+            "light that a transparent surface lets through casts no full shadow; leave out shadows"
+        )
 
 
 def _shading(top: Table) -> AbstractFrequency:

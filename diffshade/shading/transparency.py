@@ -1,104 +1,29 @@
-"""Transparent surfaces, composited back to front without refraction (text C; Foley, van Dam, Feiner and
-Hughes, Computer Graphics, 1990, 16.5.1).
+"""Images of transparent surfaces: layers that `geometry.layers` has sorted, composited back to front."""
 
-Light from behind a surface goes straight on: the surface adds its own and lets some of the other through.
-`geometry.layers` sorts what is behind what.
-"""
-
-from abc import abstractmethod
 from collections.abc import Sequence
 from functools import partial
 from itertools import accumulate
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from diffshade.arrays import ArrayLike, coefficients, floats, is_concrete, optional
+from diffshade.arrays import ArrayLike, floats, optional
 from diffshade.buckets import are_at_hand, joined
 from diffshade.channels import per_channel
 from diffshade.errors import BadInput
 from diffshade.fusion import Led
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.visible import visible_of
 from diffshade.reflectance.material import Material
+from diffshade.reflectance.transparency import AbstractTransparency, Share
 from diffshade.scene import Scene
 from diffshade.shading.render import render
 
-__all__ = [
-    "AbstractTransparency",
-    "FilteredTransparency",
-    "InterpolatedTransparency",
-    "render_layers",
-]
-
-Share = Float[Array, ""] | Float[Array, "C"]
-
-
-class AbstractTransparency(eqx.Module):
-    """How a surface's own light and that from behind it add up: I = a I_front + b I_behind."""
-
-    @abstractmethod
-    def shares(self) -> tuple[Share, Share]:
-        """a and b, one number or one a channel each."""
-
-
-def _share(name: str) -> Any:
-    """A field converter for a part of light, in [0, 1]: one number, or one a channel."""
-    to_coefficients = coefficients(name)
-
-    def convert(value: ArrayLike) -> Share:
-        array = to_coefficients(value)
-        if array.ndim > 1:
-            raise BadInput(f"{name} has shape {array.shape}: give one number, or one a channel [C]")
-        if not isinstance(value, jax.Array) and is_concrete(array):
-            numbers = np.asarray(array)
-            if (numbers < 0).any() or (numbers > 1).any():
-                raise BadInput(f"{name} is {numbers.tolist()}: give a part of the light, 0 to 1")
-        return array
-
-    return convert
-
-
-class InterpolatedTransparency(AbstractTransparency):
-    """I = (1 - k_t) I_front + k_t I_behind (Foley & van Dam 16.26), with k_t in [0, 1].
-
-    0 is opaque; at 1 nothing is seen of the surface, its highlights included. As a fine mesh of opaque
-    threads looks from afar, that covers a part 1 - k_t.
-
-    >>> [share.item() for share in InterpolatedTransparency(0.25).shares()]
-    [0.75, 0.25]
-    """
-
-    kt: Share = eqx.field(converter=_share("kt"))
-
-    def shares(self) -> tuple[Share, Share]:
-        return 1 - self.kt, self.kt
-
-
-class FilteredTransparency(AbstractTransparency):
-    """I = I_front + k_t O_t I_behind (Foley & van Dam 16.27), with k_t and the colour O_t in [0, 1].
-
-    The surface is a filter of the transparency colour O_t, and what it reflects is not less for it.
-
-    >>> [share.item() for share in FilteredTransparency(0.5, colour=0.5).shares()]
-    [1.0, 0.25]
-    """
-
-    kt: Share = eqx.field(converter=_share("kt"))
-    colour: Share = eqx.field(converter=_share("colour"), default=1.0)
-
-    def __check_init__(self) -> None:
-        if self.kt.ndim and self.colour.ndim:
-            per_channel(tuple(self.kt), max(self.kt.size, self.colour.size))
-            per_channel(tuple(self.colour), max(self.kt.size, self.colour.size))
-
-    def shares(self) -> tuple[Share, Share]:
-        return jnp.ones_like(self.kt), self.kt * self.colour
-
+__all__ = ["render_layers"]
 
 OfObject = AbstractTransparency | Sequence[AbstractTransparency | None] | None
 
@@ -130,7 +55,7 @@ def render_layers(
     >>> glass, wall = ds.Sphere(), ds.Sphere((0, 0, -3), 2)
     >>> layers = ds.layers([glass, wall], ds.OrthographicCamera(8, 8, 2.4))
     >>> scene, matt = ds.Scene(lights=ds.ParallelLight((0, 0, 1))), ds.Material(kd=0.5)
-    >>> render_layers(layers, scene, [matt, matt], [InterpolatedTransparency(0.5), None]).shape
+    >>> render_layers(layers, scene, [matt, matt], [ds.InterpolatedTransparency(0.5), None]).shape
     (8, 8, 1)
     """
     objects = _check(layers)
@@ -151,6 +76,11 @@ def render_layers(
             )
     if all(kind is None for of_slots in kinds for kind in of_slots):
         layers = layers[:1]
+    if (len(layers) > 1 or objects > 1) and visible_of(scene.lights):
+        raise BadInput(
+            "a light has the shadows on one G-buffer, and layers are of several: give it as it is"
+            " without ds.shadowed"
+        )
     stacks = [_stacked(parts) for parts in zip(*layers, strict=True)]
     images = tuple(
         render(stack, scene, slots, plain=plain)

@@ -145,6 +145,7 @@ def test_what_is_wrong_is_said(old: str, new: str, complaint: str, tmp_path: Pat
     ("change", "complaint"),
     [
         (("ambient ", 'shading = "flat"\nambient '), "is shaded once a pixel; leave out shading"),
+        (("ambient ", "shadows = true\nambient "), "casts no full shadow; leave out shadows"),
         (
             (
                 'kind = "sphere", center = [0, 0.1, 0], radius = 1.0',

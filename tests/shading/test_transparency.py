@@ -301,6 +301,14 @@ both = partial(render_layers, LAYERS, SCENE)
             ),
             "shaded once a face or vertex",
         ),
+        (
+            lambda: render_layers(
+                LAYERS,
+                ds.Scene(lights=ds.shadowed(LIGHT, LAYERS[0][0], OBJECTS[1])),
+                [GLASS, WALL],
+            ),
+            "a light has the shadows on one G-buffer",
+        ),
         (lambda: ds.InterpolatedTransparency(1.5), "kt is 1.5: give a part of the light, 0 to 1"),
         (lambda: ds.FilteredTransparency(0.5, (0.5, -1)), r"colour is \[0.5, -1.0\]: give a part"),
         (lambda: ds.InterpolatedTransparency(np.ones((3, 4))), "kt has shape"),
