@@ -92,6 +92,9 @@ def check(shown: Shown) -> None:
     for key in shown.written:
         if key not in WRITTEN:
             raise BadInput(f"the scene has {key}, which the page does not show: leave it out")
+    for key in shown.written.get("material", ()):
+        if key not in FIELDS:
+            raise BadInput(f"the material has {key}, which the page does not show: leave it out")
     for part in (shown.scene, shown.material, *shown.scene.lights, *shown.material.specular):
         for field in fields(part):
             if getattr(part, field.name) is not None and field.name not in FIELDS:

@@ -300,6 +300,15 @@ BAD: dict[str, tuple[str, dict[str, str], str]] = {
         {"scene.toml": f"shadows = true\n{SCENES['grey']}"},
         "the scene has shadows",
     ),
+    "transparency": (
+        "scene.toml",
+        {
+            "scene.toml": SCENES["grey"].replace(
+                "[material]\n", '[material]\ntransparency = { kind = "interpolated", kt = 0.5 }\n'
+            )
+        },
+        "the material has transparency",
+    ),
     "two materials": (
         "scene.toml",
         {
