@@ -60,8 +60,8 @@ def test_against_every_hit(view):
             np.testing.assert_array_equal(seen.inside, expected.inside)
             if owner == 0:
                 np.testing.assert_array_equal(seen.face, expected.face)
-            np.testing.assert_allclose(g.position.to_array(), expected.position, atol=1e-6)
-            np.testing.assert_allclose(g.normal.to_array(), expected.normal, atol=1e-6)
+            np.testing.assert_allclose(g.position.to_array(), expected.position, atol=1e-12)
+            np.testing.assert_allclose(g.normal.to_array(), expected.normal, atol=1e-12)
 
 
 @pytest.mark.parametrize("view", CAMERAS)

@@ -113,8 +113,7 @@ def test_interpenetrating_objects_against_every_hit(count: int | None) -> None:
         for k in np.flatnonzero(hits.pixel == pixel)[:count][::-1]:
             expected[pixel] = of_front[k] * front[k] + of_behind[k] * expected[pixel]
     assert np.bincount(hits.pixel).max() >= 5
-    # A triangle's points are on their rays to Embree's rounding
-    np.testing.assert_allclose(image.reshape(-1, 3), expected, atol=1e-6)
+    np.testing.assert_allclose(image.reshape(-1, 3), expected, atol=1e-12)
 
 
 GLASS = ds.Material(ka=0.1, kd=(0.5, 0.4, 0.3), specular=ds.Phong(0.5, 20.0))
