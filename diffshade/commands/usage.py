@@ -1,7 +1,7 @@
 """The words that each command takes, and its help. Imports little, so that help is there at once."""
 
 import re
-from argparse import SUPPRESS, Action, ArgumentParser
+from argparse import SUPPRESS, Action, ArgumentParser, _ActionsContainer
 from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -223,6 +223,33 @@ def _export(parser: ArgumentParser) -> None:
         " pi, of which k_d is the albedo.",
     )
     _json(parser)
+
+
+def _calibrate(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "folder",
+        metavar="FOLDER",
+        type=Path,
+        help="Photographs of a mirror ball from one place, one lamp in each: those that filenames.txt"
+        " names, or all but the mask.",
+    )
+    parser.add_argument(
+        "--mask",
+        metavar="FILE",
+        type=Path,
+        help="Where the ball is. Without it and --circle its outline is found in the brightest of all"
+        " images.",
+    )
+    _circle(parser)
+    parser.add_argument(
+        "--fov",
+        metavar="DEGREES",
+        type=float,
+        help="The vertical field of view of a camera that is near; without it the ball is seen from"
+        " afar.",
+    )
+    _json(parser)
+    _outside(parser)
     _precision(parser)
 
 
@@ -262,6 +289,15 @@ def _outside(parser: ArgumentParser) -> None:
     )
 
 
+def _circle(parser: _ActionsContainer) -> None:
+    parser.add_argument(
+        "--circle",
+        metavar="CX,CY,R",
+        type=options.circle,
+        help="The outline of the ball, in pixels from the image's top left corner.",
+    )
+
+
 def _reading(parser: ArgumentParser) -> None:
     _outside(parser)
     photographs = parser.add_argument_group("what the photographs say")
@@ -271,12 +307,7 @@ def _reading(parser: ArgumentParser) -> None:
         type=options.level,
         help="The level at which the sensor clips, as a part of full scale.",
     )
-    photographs.add_argument(
-        "--circle",
-        metavar="CX,CY,R",
-        type=options.circle,
-        help="The outline of the ball, in pixels from the image's top left corner.",
-    )
+    _circle(photographs)
     photographs.add_argument(
         "--encoding",
         metavar="linear|srgb|GAMMA",
@@ -304,4 +335,5 @@ COMMANDS = {
         "Write a fitted material for another tool, and say how far it is from the fit over angles.",
         _export,
     ),
+    "calibrate": ("Find the directions of lights from photographs of a mirror ball.", _calibrate),
 }

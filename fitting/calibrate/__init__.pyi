@@ -1,0 +1,15 @@
+from .mirror import Highlight as Highlight
+from .mirror import ball_of as ball_of
+from .mirror import find_highlight as find_highlight
+from .mirror import mirrored as mirrored
+from .mirror_ball import MirrorBall as MirrorBall
+from .mirror_ball import mirror_ball as mirror_ball
+from .outline import circle_from_images as circle_from_images
+from .perspective import sphere_of_circle as sphere_of_circle
+from .perspective import sphere_of_outline as sphere_of_outline
+from .shading_circle import RefinedCircle as RefinedCircle
+from .shading_circle import refine_circle as refine_circle
+from .refine_lights import MovedLight as MovedLight
+from .refine_lights import RefinedLights as RefinedLights
+from .refine_lights import moved_lights as moved_lights
+from .refine_lights import refine_lights as refine_lights
