@@ -26,12 +26,14 @@ from diffshade.vector import dot, reflect
 
 __all__ = ["Highlight", "ball_of", "find_highlight", "mirrored"]
 
-CORE = 0.95
+CORE = 0.9
 """Of the brightest pixel: from here on a sensor that clips says the same of all."""
 FEWEST = 12
 """Pixels of a core that is flat, as where the sensor clipped."""
-HALF = 0.5
-"""Of the brightest pixel above the ball's median: the level of a highlight that is not clipped."""
+THIN = 0.2
+"""Of the core's greatest depth: streaks that are thinner do not count."""
+FOOT = 0.2
+"""Of the brightest pixel above the ball's median: the foot of a highlight that is not clipped."""
 RIM = 0.98
 """Of the radius: beyond, a mirror shows what is behind it, squeezed, and its own edge."""
 
@@ -57,7 +59,7 @@ def find_highlight(
     Levels are relative to the brightest pixel on the ball, so that it does not matter how values
     relate to light. Where the highlight is clipped each pixel of its core counts by its depth, the
     distance from the core's edge: streaks of glare are thin, and reach far without moving it. Where
-    it is not, each counts by what it has above half. Of several spots the largest is taken, depths
+    it is not, each counts by what it has above the highlight's foot. Of several spots the largest is taken, depths
     summed: reflections of the surroundings and of the lamp's own reflection are smaller.
 
     Raises `BadInput` where the ball is black or all of one value.
@@ -81,9 +83,11 @@ def find_highlight(
         raise BadInput("the ball shows no highlight: every pixel of it has one value")
     core = values >= max(CORE * peak, ground)
     if clipped := np.count_nonzero(core) >= FEWEST:
-        weight = ndimage.distance_transform_edt(core)
+        depth = ndimage.distance_transform_edt(core)
+        weight = np.maximum(depth - THIN * depth.max(), 0)
+        core = weight > 0
     else:
-        level = ground + HALF * (peak - ground)
+        level = ground + FOOT * (peak - ground)
         core = values > level
         weight = np.where(core, values - level, 0)
     spots, count = ndimage.label(core, structure=np.ones((3, 3)) if not clipped else None)

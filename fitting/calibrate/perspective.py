@@ -32,7 +32,7 @@ def camera_at_eye(shape: tuple[int, int], fov: float) -> PerspectiveCamera:
     eye: Any = (0.0, 0.0, 0.0)
     ahead: Any = (0.0, 0.0, -1.0)
     up: Any = (0.0, 1.0, 0.0)
-    camera = PerspectiveCamera(width, height, angle, eye, ahead, up)  # type: ignore[call-arg]
+    camera = PerspectiveCamera(width, height, angle, eye, ahead, up)
     camera.check()
     return camera
 

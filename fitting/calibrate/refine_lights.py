@@ -12,6 +12,7 @@ changed a little where the surface is not quite what it was taken for.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -185,7 +186,7 @@ def _direction(scene: Scene) -> Float[np.ndarray, "3"]:
 
 def _lit(scene: Scene, direction: Float[np.ndarray, "3"], strength: float) -> Scene:
     """The scene with its light there, and so many times as strong."""
-    light = scene.lights[0]
+    light: Any = scene.lights[0]
     dtype = light.direction.dtype
     return eqx.tree_at(
         lambda s: (s.lights[0].direction, s.lights[0].intensity),
@@ -249,7 +250,7 @@ def _slopes(
     """The image, and its derivatives by the light's direction across itself, and by its strength."""
 
     def image(x: Float[Array, "3"]) -> Float[Array, "H W C"]:
-        light = scene.lights[0]
+        light: Any = scene.lights[0]
         unit = light.direction / jnp.linalg.norm(light.direction)
         there = unit + x[:2] @ across
         here = eqx.tree_at(
