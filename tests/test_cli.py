@@ -72,7 +72,7 @@ def test_the_program_answers_help(cache: str) -> None:
             "fit",
             "CAPTURE|--out DIR|--json|--precision {32,64}|--model {phong,blinn-phong,lambert,phong2,ggx,"
             "|--white LEVEL|--circle CX,CY,R|--encoding|--hold NAME=VALUE"
-            "|--robust|--censor|--gains|--certify|--shard I/N|--processes N|--process I/N"
+            "|--robust|--censor|--refine-circle|--gains|--certify|--shard I/N|--processes N|--process I/N"
             "|--coordinator HOST:PORT|--patience SECONDS|(default: phong)|(default: 60)",
         ),
         (
@@ -83,6 +83,10 @@ def test_the_program_answers_help(cache: str) -> None:
         (
             "evaluate",
             "FIT.json|CAPTURE|--json|--precision {32,64}|--white LEVEL|--circle CX,CY,R|--encoding",
+        ),
+        (
+            "calibrate",
+            "FOLDER|--mask FILE|--circle CX,CY,R|--fov DEGREES|--json|--precision {32,64}",
         ),
     ],
 )

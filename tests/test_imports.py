@@ -42,6 +42,7 @@ def test_what_is_imported_is_seen() -> None:
         ("fit --help", 0),
         ("evaluate --help", 0),
         ("export --help", 0),
+        ("calibrate --help", 0),
         ("", 2),
         ("fit x --bogus", 2),
         ("fit x --circle 1,2", 2),

@@ -50,7 +50,7 @@ def calibrate_folder(
     photographs = read_photographs(folder, names, encoding="linear", allow_outside=allow_outside)
     images = [photograph.encoded for photograph in photographs]
     inside = None if mask is None else read_mask_of(mask, folder / names[0], images[0].shape[:2])
-    from fitting.calibrate.mirror_ball import mirror_ball
+    from fitting.calibrate.ball import mirror_ball
 
     progress(f"looking for highlights in {len(images)} images")
     with naming(folder if mask is None or circle is not None else mask):

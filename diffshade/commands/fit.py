@@ -75,6 +75,7 @@ def fit_capture(
     censor: bool = False,
     gains: bool = False,
     certify: bool = False,
+    refine_circle: bool = False,
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
@@ -92,9 +93,17 @@ def fit_capture(
     capture = read_capture(
         path, white=white, circle=circle, encoding=encoding, allow_outside=allow_outside
     )
-    if model == "auto" and hold:
-        raise WrongUsage("--hold: names coefficients of one model; give --model too, not auto")
+    if model == "auto" and (hold or refine_circle):
+        option = "--hold" if hold else "--refine-circle"
+        raise WrongUsage(f"{option}: is for one model; give --model too, not auto")
     ambient = any(scene.ambient is not None for scene in capture.scenes)
+    if refine_circle:
+        progress("refining the circle by the shading")
+        from fitting.calibrate.refined_capture import with_refined_circle
+
+        start = named_material(model, ambient=ambient)
+        with naming(path):
+            capture = with_refined_circle(capture, start, named_bounds(model))
     loaded = perf_counter()
     progress(f"fitting {len(capture.images)} images: compiling, which is kept, then searching")
     observed = capture.images, capture.gbuffer, capture.scenes

@@ -20,6 +20,8 @@ MODELS = ("phong", "blinn-phong", "lambert", "phong2", "ggx", "plastic", "plasti
 FLAGS = {
     "--robust": "Take the weight from outliers, such as shadows (Tukey's biweight).",
     "--censor": 'Use clipped pixels as what they say, "at least", in place of leaving them out.',
+    "--refine-circle": "Refine the outline of a ball, where the geometry is made of one, by the shading"
+    " itself.",
     "--gains": "Find the strength of each image's lights too.",
     "--certify": "Prove that the minimum is global where one shininess is all that is searched, and"
     " draw the residual over the shininess in report.html.",
@@ -223,6 +225,7 @@ def _export(parser: ArgumentParser) -> None:
         " pi, of which k_d is the albedo.",
     )
     _json(parser)
+    _precision(parser)
 
 
 def _calibrate(parser: ArgumentParser) -> None:

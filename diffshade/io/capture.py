@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from diffshade.errors import BadInput
 from diffshade.io import photographs as photography
+from diffshade.io.circle import Circle
 from diffshade.io.photographs import Photograph
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ class Capture:
     """The light that each image was taken under."""
     fit_attenuation: type[AbstractAttenuation] | None = None
     """The attenuation whose constants are to be fitted, one set for all lights; None: all known."""
+    circle: Circle | None = None
+    """The outline of the ball that the geometry was made of, where it was."""
     notes: tuple[str, ...] = ()
     """What was assumed or found on reading, one line each, for the user to see."""
 
@@ -54,6 +57,7 @@ def assemble(
     *,
     divisors: Sequence[Colour] | None = None,
     fit_attenuation: type[AbstractAttenuation] | None = None,
+    circle: Circle | None = None,
     notes: Sequence[str] = (),
 ) -> Capture:
     """A capture from its parts; image k is divided by `divisors[k]` after clipping was decided."""
@@ -83,5 +87,6 @@ def assemble(
         gbuffer=gbuffer,
         scenes=tuple(scenes),
         fit_attenuation=fit_attenuation,
+        circle=circle,
         notes=(*notes, *photography.notes(photographs, mask), *spent),
     )

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
@@ -27,9 +27,17 @@ from diffshade.io.photographs import size
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
 
-__all__ = ["folder_geometry", "read_mask_of"]
+__all__ = ["Geometry", "folder_geometry", "read_mask_of"]
 
 Mask = Bool[np.ndarray, "H W"]
+
+
+class Geometry(NamedTuple):
+    """A G-buffer, notes on where it comes from, and the outline of the ball where it is one."""
+
+    gbuffer: GBuffer
+    notes: tuple[str, ...]
+    circle: Circle | None
 
 
 def folder_geometry(
@@ -39,8 +47,9 @@ def folder_geometry(
     circle: tuple[float, float, float] | None,
     *,
     allow_outside: bool = False,
-) -> tuple[GBuffer, tuple[str, ...]]:
-    """The G-buffer for photographs like `image`, of `shape`, and notes on where it comes from."""
+) -> Geometry:
+    """The geometry for photographs like `image`, of `shape`."""
+    outline: Circle | None = None
     mask_file, normals_file, sphere_file = (
         within(folder, name, allow_outside=allow_outside)
         for name in ("mask.png", "Normal_gt.mat", "sphere.json")
@@ -58,15 +67,15 @@ def folder_geometry(
         if circle is not None:
             notes.append(f"the given circle was not used: {normals_file.name} goes before it")
     elif circle is not None:
-        given = Circle(*circle).checked("--circle")
+        outline = given = Circle(*circle).checked("--circle")
         gbuffer, notes = _ball(given, shape, mask, "--circle"), [f"geometry from {_words(given)}"]
     elif sphere_file.exists():
-        given = read_circle(sphere_file)
+        outline = given = read_circle(sphere_file)
         gbuffer = _ball(given, shape, mask, str(sphere_file))
         notes = [f"geometry from sphere.json: {_words(given)}"]
     elif mask is not None:
         try:
-            found = circle_from_mask(mask)
+            outline = found = circle_from_mask(mask)
         except BadInput as error:
             raise BadInput(f"{mask_file}: {error}") from None
         gbuffer = _ball(found, shape, mask, str(mask_file))
@@ -78,7 +87,7 @@ def folder_geometry(
         raise BadInput(
             f"{folder}: no geometry; add Normal_gt.mat, sphere.json or mask.png, or give --circle"
         )
-    return gbuffer, (*notes, *lost_pixels(mask, gbuffer))
+    return Geometry(gbuffer, (*notes, *lost_pixels(mask, gbuffer)), outline)
 
 
 def read_mask_of(path: Path, image: Path, shape: tuple[int, int]) -> Mask:

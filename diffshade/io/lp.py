@@ -48,7 +48,7 @@ def read_lp(
         path.parent, images, encoding=encoding, white=white, allow_outside=allow_outside
     )
     height, width = photographs[0].encoded.shape[:2]
-    gbuffer, geometry_notes = folder_geometry(
+    gbuffer, geometry_notes, outline = folder_geometry(
         path.parent,
         path.parent / images[0],
         (height, width),
@@ -56,7 +56,7 @@ def read_lp(
         allow_outside=allow_outside,
     )
     scenes = [divided_scene(d) for d in directions]
-    return assemble(photographs, gbuffer, scenes, notes=(*notes, *geometry_notes))
+    return assemble(photographs, gbuffer, scenes, circle=outline, notes=(*notes, *geometry_notes))
 
 
 def parse_lp(path: Path) -> LightPositions:

@@ -62,13 +62,13 @@ def read_photometric_stereo(
     if known:
         divisors = _intensities(intensities_file, channels)
         _one_an_image(intensities_file, len(divisors), names_file, len(names))
-    gbuffer, notes = folder_geometry(
+    gbuffer, notes, outline = folder_geometry(
         folder, folder / names[0], (height, width), circle, allow_outside=allow_outside
     )
     if not known:
         notes += (f"{intensities_file.name} is not there: every light's intensity taken as 1",)
     scenes = [divided_scene(d) for d in directions]
-    return assemble(photographs, gbuffer, scenes, divisors=divisors, notes=notes)
+    return assemble(photographs, gbuffer, scenes, divisors=divisors, circle=outline, notes=notes)
 
 
 def _one_an_image(file: Path, count: int, names_file: Path, images: int) -> None:

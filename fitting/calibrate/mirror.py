@@ -30,9 +30,9 @@ CORE = 0.9
 """Of the brightest pixel: from here on a sensor that clips says the same of all."""
 FEWEST = 12
 """Pixels of a core that is flat, as where the sensor clipped."""
-THIN = 0.2
+THIN = 0.25
 """Of the core's greatest depth: streaks that are thinner do not count."""
-FOOT = 0.2
+FOOT = 0.05
 """Of the brightest pixel above the ball's median: the foot of a highlight that is not clipped."""
 RIM = 0.98
 """Of the radius: beyond, a mirror shows what is behind it, squeezed, and its own edge."""
@@ -59,8 +59,8 @@ def find_highlight(
     Levels are relative to the brightest pixel on the ball, so that it does not matter how values
     relate to light. Where the highlight is clipped each pixel of its core counts by its depth, the
     distance from the core's edge: streaks of glare are thin, and reach far without moving it. Where
-    it is not, each counts by what it has above the highlight's foot. Of several spots the largest is taken, depths
-    summed: reflections of the surroundings and of the lamp's own reflection are smaller.
+    it is not, each counts by what it has above the highlight's foot. Of several spots the largest is
+    taken, depths summed: reflections of the surroundings and of the lamp's own are smaller.
 
     Raises `BadInput` where the ball is black or all of one value.
 

@@ -17,7 +17,8 @@ TRUE = unit(
     np.array([[0.4, 0.5, 1], [-0.6, 0.1, 1], [0.1, -0.7, 1], [0.0, 0.2, 1], [-0.3, -0.4, 1.0]])
 )
 STRENGTH = np.array([1.0, 0.9, 1.1, 1.05, 0.95])
-GIVEN = unit(TRUE + [[0.0, 0, 0], [0.005, 0, 0], [0, 0.15, 0], [0, 0.004, 0], [-0.004, 0, 0]])
+OFF = np.array([[0.0, 0, 0], [0.005, 0, 0], [0, 0.15, 0], [0, 0.004, 0], [-0.004, 0, 0]])
+GIVEN = unit(TRUE + OFF)
 
 
 @pytest.mark.slow
@@ -41,8 +42,8 @@ def test_known_lights_and_the_one_that_moved(rng: np.random.Generator) -> None:
 
 
 def test_lights_that_all_changed_as_much_have_not_moved() -> None:
-    given = unit(np.random.default_rng(1).normal(size=(6, 3)) + [0, 0, 3])
-    found = unit(given + [0.07, 0, 0])
+    given = unit(np.random.default_rng(1).normal(size=(6, 3)) + np.array([0, 0, 3]))
+    found = unit(given + np.array([0.07, 0, 0]))
     assert moved_lights(given, found, np.full(6, 0.01)) == ()
 
 
