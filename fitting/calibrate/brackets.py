@@ -23,7 +23,7 @@ class Merged(NamedTuple):
 
 
 def merge_brackets(
-    images: Sequence[UInt8[np.ndarray, "H W C"]], seconds: Sequence[float]
+    images: Sequence[UInt8[np.ndarray, "H W C"]], seconds: Sequence[float | int]
 ) -> Merged:
     """Photographs of one thing, of different exposure times, as one linear image.
 

@@ -21,8 +21,8 @@ __all__ = ["undistort"]
 def undistort(
     image: Float[np.ndarray, "H W C"],
     *,
-    focal: float,
-    coefficients: Sequence[float],
+    focal: float | int,
+    coefficients: Sequence[float | int],
     centre: tuple[float, float] | None = None,
 ) -> Float[np.ndarray, "H W C"]:
     """A linear image as a pinhole camera of the same focal length would have taken it.

@@ -6,6 +6,7 @@ from mirror_scenes import degrees, unit
 from shared import shared_data
 
 import diffshade as ds
+import fitting
 from diffshade.errors import BadInput
 from diffshade.io.circle import Circle, ball_gbuffer
 from diffshade.io.circle_from_mask import circle_from_mask
@@ -55,21 +56,41 @@ def test_other_lights_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_the_lamp_of_image_2_of_the_gray_sphere_has_moved() -> None:
-    """The chrome sphere's lights against the gray sphere's photographs (even images only)."""
-    folder, numbers = shared_data("uw_psm"), (0, 2, 4, 6, 8, 10)
+@pytest.mark.parametrize(
+    ("model", "numbers", "moved", "most"),
+    [("lambert", (0, 2, 4, 6, 8, 10), [2], 0.06), ("plastic", (0, 4, 6, 8, 10), [], 0.05)],
+)
+def test_the_gray_sphere(
+    model: str, numbers: tuple[int, ...], moved: list[int], most: float
+) -> None:
+    """The chrome sphere's lights against the gray sphere's photographs: the lamp of image 2 moved; the
+    others leave 0.046 over the whole mask, of which 4 to 5 % are dirt and scratches. The lights are
+    found from a ninth of the pixels.
+    """
+    folder = shared_data("uw_psm")
     mask = read_mask(folder / "gray" / "gray.mask.png")
-    gbuffer = ball_gbuffer(circle_from_mask(mask), (mask.shape[0], mask.shape[1]), mask)
+    shape = (mask.shape[0], mask.shape[1])
+    row, column = np.mgrid[: shape[0], : shape[1]]
+    some = mask & (row % 3 == 0) & (column % 3 == 0)
+    circle = circle_from_mask(mask)
     images = [read_image(folder / "gray" / f"gray.{k}.png").values for k in numbers]
     lights = np.loadtxt(folder / "lights_from_chrome.txt")[list(numbers)]
     scenes = [ds.Scene(ambient=1.0, lights=ds.ParallelLight(l)) for l in lights]
-    valid = [mask & (image < 0.98).all(axis=-1) for image in images]
+    unclipped = [(image < 0.98).all(axis=-1) for image in images]
     found = refine_lights(
         images,
-        gbuffer,
+        ball_gbuffer(circle, shape, some),
         scenes,
-        material=named_material("lambert", ambient=True),
-        bounds=named_bounds("lambert"),
-        valid=valid,
+        material=named_material(model, ambient=True),
+        bounds=named_bounds(model),
+        valid=[some & valid for valid in unclipped],
     )
-    assert [numbers[light.image] for light in found.moved] == [2]
+    assert [numbers[light.image] for light in found.moved] == moved
+    whole = fitting.evaluate(
+        found.fit.material,
+        images,
+        ball_gbuffer(circle, shape, mask),
+        found.scenes,
+        valid=[mask & valid for valid in unclipped],
+    )
+    assert whole.relative_residual < most
