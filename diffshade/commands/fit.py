@@ -93,9 +93,10 @@ def fit_capture(
     capture = read_capture(
         path, white=white, circle=circle, encoding=encoding, allow_outside=allow_outside
     )
-    if model == "auto" and (hold or refine_circle):
-        option = "--hold" if hold else "--refine-circle"
-        raise WrongUsage(f"{option}: is for one model; give --model too, not auto")
+    if model == "auto" and hold:
+        raise WrongUsage("--hold: names coefficients of one model; give --model too, not auto")
+    if model == "auto" and refine_circle:
+        raise WrongUsage("--refine-circle: is by one model's shading; give --model too, not auto")
     ambient = any(scene.ambient is not None for scene in capture.scenes)
     if refine_circle:
         progress("refining the circle by the shading")

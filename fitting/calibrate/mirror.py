@@ -66,7 +66,8 @@ def find_highlight(
 
     >>> image = np.zeros((40, 40, 1))
     >>> image[10:13, 20:23] = 1
-    >>> find_highlight(image, Circle(20, 20, 15))[:2]
+    >>> found = find_highlight(image, Circle(20, 20, 15))
+    >>> round(found.x, 6), round(found.y, 6)
     (21.5, 11.5)
     """
     brightness = image.mean(axis=-1)

@@ -44,8 +44,9 @@ from fitting.solver import BoundedLevenbergMarquardt
 
 __all__ = ["RefinedCircle", "refine_circle"]
 
-RIM = 0.98
-"""Of the radius: pixels beyond are partly background, and not looked at."""
+RIMS = (0.9, 0.98)
+"""Of the radius: pixels beyond are not looked at, first as the circle may be too large, then as they are
+partly background."""
 MOST = 2**19
 """Pixels times images that are looked at, a fair sample of them."""
 FARTHEST = 0.05
@@ -95,8 +96,9 @@ def refine_circle(
     """Centre and radius of a ball seen from afar, from linear images of it under known lights.
 
     `images`, `scenes`, `valid`, `material` and `bounds` are those of `fitting.fit`, the scenes of one
-    structure. `circle` is where to start, within 5 % of the radius. Pixels beyond 0.98 of its radius
-    are left out. Raises `BadInput` as `fit` does.
+    structure. `circle` is where to start, within 5 % of the radius. Pixels beyond 0.9 of its radius
+    are left out at first, in the end those beyond 0.98 of the refined one. Raises
+    `BadInput` as `fit` does.
 
     >>> import diffshade as ds
     >>> start, true = Circle(20, 20, 15), Circle(20.2, 19.9, 15.3)
@@ -109,9 +111,10 @@ def refine_circle(
     """
     shape = images[0].shape[:2]
     start = default_material(scenes) if material is None else material
-    keep = _kept(shape, circle, mask)
+    keep = _kept(shape, circle, mask, RIMS[0])
     first = _fitted(images, circle, keep, scenes, valid, start, bounds)
-    seen, norm = _seen(images, keep, scenes, valid, start, bounds, first)
+    around_it = _kept(shape, circle, mask, 1 + FARTHEST)
+    seen = _seen(images, around_it, scenes, valid, start, bounds, first)
     u = np.log([float(first.coefficients[names[0]]) for names in seen.model.searched])
     scale = circle.radius
     around = np.array([circle.cx, circle.cy, circle.radius])
@@ -121,8 +124,14 @@ def refine_circle(
     far = np.full(3, FARTHEST * scale)
     edges = [np.concatenate([e, b]) for e, b in zip((-far, far), box, strict=True)]
     lower, upper = (jnp.asarray(edge, y.dtype) for edge in edges)
-    y, before, converged = _descended(seen, center, y, lower, upper)
-    hessians, gradients, left, count = (np.asarray(x, float) for x in _grams(seen, center, y))
+    at_first = y
+    for rim in RIMS:
+        there = Circle(*(around + np.asarray(y[:3], float)).tolist())
+        looked_at = _looked_at(seen, _kept(shape, there, mask, rim))
+        y, converged = _descended(looked_at, center, y, lower, upper)
+    hessians, gradients, left, count = (np.asarray(x, float) for x in _grams(looked_at, center, y))
+    before = np.asarray(_grams(looked_at, center, at_first)[2], float)
+    norm = float(jnp.linalg.norm(looked_at.photos.observed * looked_at.photos.weight[:, None]))
     noise = float(np.sqrt(left.sum() / max(count - y.size, 1)))
     errors = np.sqrt(np.diagonal(covariance(hessians, gradients, noise))[:3])
     moved = np.asarray(y[:3], float)
@@ -131,18 +140,18 @@ def refine_circle(
         standard_errors=Circle(*errors.tolist()),
         start=circle,
         relative_residual=float(np.sqrt(left.sum())) / norm,
-        before=float(before) / norm,
+        before=float(np.sqrt(before.sum())) / norm,
         converged=bool(converged),
         at_limit=bool((np.abs(moved) >= 0.999 * far).any()),
     )
 
 
 def _kept(
-    shape: tuple[int, int], circle: Circle, mask: Bool[np.ndarray, "H W"] | None
+    shape: tuple[int, int], circle: Circle, mask: Bool[np.ndarray, "H W"] | None, rim: float
 ) -> Bool[np.ndarray, "H W"]:
-    """The pixels well inside the outline."""
+    """The pixels within so many radii."""
     y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
-    inside = np.hypot(x - circle.cx, y - circle.cy) < RIM * circle.radius
+    inside = np.hypot(x - circle.cx, y - circle.cy) < rim * circle.radius
     kept: Bool[np.ndarray, "H W"] = inside if mask is None else inside & mask
     if not kept.any():
         raise BadInput(f"{tuple(circle)} has no pixel inside the mask and the image: correct it")
@@ -171,8 +180,8 @@ def _seen(
     material: Material,
     bounds: Bounds | None,
     first: Fit,
-) -> tuple[_Seen, float]:
-    """What the refinement looks at, and the norm of what was observed."""
+) -> _Seen:
+    """What the refinement may look at."""
     channels = images[0].shape[2]
     index = np.flatnonzero(keep)
     index = index[:: max(len(index) * len(images) // MOST, 1)].astype(np.int32)
@@ -187,8 +196,14 @@ def _seen(
     model = model_of(in_precision(first.material, dtype), frozenset(), channels)
     limit = limits(model, frozenset(), material, bounds or {}, start_given=False)
     low, high = (jnp.asarray(edge, dtype) for edge in (limit.lower, limit.upper))
-    seen = _Seen(jnp.asarray(index), photos, model, low, high, (keep.shape[0], keep.shape[1]))
-    return seen, float(np.linalg.norm(values))
+    return _Seen(jnp.asarray(index), photos, model, low, high, (keep.shape[0], keep.shape[1]))
+
+
+def _looked_at(seen: _Seen, keep: Bool[np.ndarray, "H W"]) -> _Seen:
+    """The same with weight on some of the pixels only, so that it compiles once."""
+    inside = keep.reshape(-1)[np.asarray(seen.index)]
+    weight = np.asarray(seen.photos.weight) * inside.astype(np.asarray(seen.photos.weight).dtype)
+    return eqx.tree_at(lambda s: s.photos.weight, seen, weight)
 
 
 def _residual(
@@ -221,8 +236,8 @@ def _descended(
     start: Float[Array, "m"],
     lower: Float[Array, "m"],
     upper: Float[Array, "m"],
-) -> tuple[Array, Array, Array]:
-    """y at the minimum, what was left at the start, and whether it converged."""
+) -> tuple[Array, Array]:
+    """y at the minimum, and whether it converged."""
 
     def left(y: Float[Array, "m"], _: None) -> Float[Array, "n"]:
         return _residual(seen, center, y).reshape(-1)
@@ -230,8 +245,7 @@ def _descended(
     eps = float(jnp.finfo(start.dtype).eps)
     solver = BoundedLevenbergMarquardt(eps**0.5, eps**0.5, lower, upper)
     found: Any = optx.least_squares(left, solver, start, max_steps=MAX_STEPS, throw=False)
-    before = jnp.linalg.norm(left(start, None))
-    return found.value, before, jnp.asarray(found.result == optx.RESULTS.successful)
+    return found.value, jnp.asarray(found.result == optx.RESULTS.successful)
 
 
 @eqx.filter_jit
