@@ -90,7 +90,7 @@ def read_dome(
         path.parent, names, encoding=encoding, white=white, allow_outside=allow_outside
     )
     height, width, channels = photographs[0].encoded.shape
-    gbuffer, notes = folder_geometry(
+    gbuffer, notes, outline = folder_geometry(
         path.parent, path.parent / names[0], (height, width), circle, allow_outside=allow_outside
     )
     if dome.near:
@@ -100,6 +100,7 @@ def read_dome(
         gbuffer,
         _scenes(dome),
         divisors=_divisors(path, dome, channels),
+        circle=None if dome.near else outline,  # near lights are placed in widths, not in radii
         notes=(f"images in the order of their names, from {names[0]} to {names[-1]}", *notes),
     )
 
