@@ -2,7 +2,7 @@
 
 Every image has an unknown direction and strength of its one distant light; all share the material. The
 two are found in turns, each given the other, until neither changes: the material by `fitting.fit`, with
-the weight of outliers taken, and each light by Gauss and Newton with the same weights. The mean strength
+the weight of outliers taken, and each light by Gauss and Newton with weights likewise. The mean strength
 is 1: a common one cannot be told from k_d and k_s.
 
 A lamp has moved where its direction has changed against the one that was given, beyond its standard
@@ -29,6 +29,7 @@ from diffshade.shading.render import render
 from fitting.estimate import fit
 from fitting.found import Fit
 from fitting.limits import Bounds
+from fitting.weights import Tukey
 
 __all__ = ["MovedLight", "RefinedLights", "moved_lights", "refine_lights"]
 
@@ -91,11 +92,14 @@ def refine_lights(
     material: Material | None = None,
     bounds: Bounds | None = None,
     valid: Sequence[Bool[np.ndarray, "H W"]] | None = None,
+    robust: str | Tukey | None = "tukey",
 ) -> RefinedLights:
     """The direction and the strength of the one parallel light of each image, with the material.
 
     Arguments are those of `fitting.fit`; each scene has one `ParallelLight`. The surface is known:
-    a turn of it is one of all lights, and cannot be told from that. Standard errors are those of
+    a turn of it is one of all lights, and cannot be told from that. `robust` takes the weight from
+    outliers, shadows and a highlight that the model does not have among them; None is least squares,
+    which lets the highlight tell where a light is. Standard errors are those of
     Gauss and Newton, the other lights and the material held; where the residual is not noise they
     are too small. Raises `BadInput` for other lights, and as `fit` does.
     """
@@ -111,11 +115,18 @@ def refine_lights(
             material=material,
             bounds=bounds,
             valid=valid,
-            robust="tukey",
+            robust=robust,
         )
         before, last = found, strengths
         each = [
-            _light(image, gbuffer, scene, best.material, None if valid is None else valid[k])
+            _light(
+                image,
+                gbuffer,
+                scene,
+                best.material,
+                None if valid is None else valid[k],
+                robust=robust is not None,
+            )
             for k, (image, scene) in enumerate(zip(images, lit, strict=True))
         ]
         found = np.stack([one[0] for one in each])
@@ -201,6 +212,8 @@ def _light(
     scene: Scene,
     material: Material,
     valid: Bool[np.ndarray, "H W"] | None,
+    *,
+    robust: bool,
 ) -> tuple[Float[np.ndarray, "3"], float, Float[np.ndarray, "2"]]:
     """Direction, times the strength, and their standard errors (degrees, parts), the material given."""
     start = scene
@@ -217,7 +230,8 @@ def _light(
         # Of all channels of a pixel at once, as what disturbs one disturbs all
         scale = MAD * float(np.median(np.abs(left))) or float(np.finfo(np.float32).tiny)
         square = (left**2).mean(axis=-1, keepdims=True) / (CAUCHY * scale) ** 2
-        weight = np.broadcast_to(1 / (1 + square), left.shape).reshape(-1)
+        each = 1 / (1 + square) if robust else np.ones_like(square)
+        weight = np.broadcast_to(each, left.shape).reshape(-1)
         weighed = jacobian * weight
         hessian = weighed @ jacobian.T
         if not np.diagonal(hessian).all():
