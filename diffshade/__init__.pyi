@@ -22,6 +22,7 @@ from .light.distributed import DiscLight as DiscLight
 from .light.distributed import LineLight as LineLight
 from .light.distributed import RectangleLight as RectangleLight
 from .light.distributed import SphereLight as SphereLight
+from .light.environment import EnvironmentLight as EnvironmentLight
 from .light.parallel import ParallelLight as ParallelLight
 from .light.point import PointLight as PointLight
 from .light.spot import SpotLight as SpotLight

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffshade.errors import BadInput
+from diffshade.light.environment import EnvironmentLight
 from fitting.lower_bound import bound
 from fitting.observed import Observed
 from fitting.polish import Minimum
@@ -95,6 +96,8 @@ def _beyond(observed: Observed, minimum: Minimum) -> str | None:
         return "A linear coefficient may be negative: bound it by 0 from below."
     scenes = [photograph.scene for photograph in observed.photographs]
     lights = [light for scene in scenes for light in scene.lights]
+    if any(isinstance(light, EnvironmentLight) for light in lights):
+        return "What a lobe mirrors of an environment does not fall convexly with its shininess."
     factors = (
         (model.material.od, model.material.os),
         [scene.ambient for scene in scenes],

@@ -27,7 +27,7 @@ from diffshade.light.visible import map_visible, visible_of
 from diffshade.reflectance.material import Material
 from diffshade.shading.basis import of_light_sums
 from diffshade.shading.lights import LightSums, add
-from diffshade.shading.one_light import Angles, angles, reflected
+from diffshade.shading.one_light import Seen, angles, reflected
 from fitting.arrays import Array
 from fitting.gauge import lit_by
 from fitting.observation import Group
@@ -76,7 +76,7 @@ class Scenery(eqx.Module):
     """
 
     photo: Photo
-    angles: tuple[Angles, ...]
+    angles: tuple[Seen, ...]
     spread: Spread | None
 
 
@@ -101,7 +101,7 @@ class Images(eqx.Module):
         """`of_image` of all images of every group."""
 
         def of_group(group: Scenery) -> Any:
-            def of(photo: Photo, seen: tuple[Angles, ...]) -> Any:
+            def of(photo: Photo, seen: tuple[Seen, ...]) -> Any:
                 return of_image(Scenery(photo, seen, group.spread))
 
             return jax.vmap(of)(group.photo, group.angles)
@@ -119,7 +119,7 @@ def images_of(
     """The groups' images, seen once; `gains` are those of all images, in the order of the groups."""
 
     def seen(group: Group, gains: Float[Array, "K"] | None) -> Scenery:
-        def of(photo: Photo) -> tuple[Photo, tuple[Angles, ...]]:
+        def of(photo: Photo) -> tuple[Photo, tuple[Seen, ...]]:
             return photo, scenery(photo, group.surface, material).angles
 
         return Scenery(*jax.vmap(of)(photos(group, gains)), group.surface.spread)
@@ -183,7 +183,7 @@ def columns(
     point lights where that is fitted.
     """
 
-    def of_light(seen: Angles, light: AbstractLight) -> LightSums:
+    def of_light(seen: Seen, light: AbstractLight) -> LightSums:
         return reflected(seen, light if law is None else lit_by(light, law), material)
 
     total: LightSums | None = None

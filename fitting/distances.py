@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffshade.light.point import PointLight
+from diffshade.shading.one_light import Angles
 from fitting.arrays import Array
 from fitting.columns import Photo, photos, scenery
 from fitting.model import Model
@@ -49,7 +50,7 @@ def _nearer(
         lit = near = jnp.zeros(())
         at = scenery(photo, group.surface, model.material)
         for seen in at.angles:
-            if seen.distance is not None:
+            if isinstance(seen, Angles) and seen.distance is not None:
                 faces = (seen.n_dot_l > 0) & (seen.distance > 0)
                 if at.spread is None:
                     faces = faces & (photo.weight > 0)[None]

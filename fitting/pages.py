@@ -24,6 +24,7 @@ from diffshade.fusion import search_options
 from diffshade.kept import Kept
 from diffshade.light.point import PointLight
 from diffshade.light.visible import visible_of
+from diffshade.shading.one_light import Angles
 from fitting.arrays import Array
 from fitting.columns import Photo, Scenery, photos, scenery
 from fitting.model import Model
@@ -193,7 +194,7 @@ def _ends(at: Scenery) -> Float[Array, "3"]:
     """
     near, far = jnp.full((), jnp.inf), jnp.zeros(())
     for seen, kind in zip(at.angles, at.photo.lights, strict=True):
-        if isinstance(kind, PointLight) and seen.distance is not None:
+        if isinstance(kind, PointLight) and isinstance(seen, Angles) and seen.distance is not None:
             lit = (seen.n_dot_l > 0) & (seen.distance > 0)
             if at.spread is None:  # else the points are not pixels, and have no weight
                 lit = lit & (at.photo.weight > 0)[None]

@@ -28,6 +28,7 @@ from jaxtyping import Array, Bool, Float
 
 from diffshade.fusion import stored
 from diffshade.reflectance.lobe import AbstractLobe
+from diffshade.shading.prefiltered import filtered
 from fitting.closed_form import bounded, own_share, rounding, solve
 from fitting.solver import BoundedLevenbergMarquardt
 
@@ -70,7 +71,8 @@ class PixelProblem(eqx.Module):
     `observed` has a plane a channel. The basis has G planes for each column, G = C, or 1 where all
     channels share it: `plain` are the columns without a lobe, a and d; of each of L lights in an
     image `arriving` is I_p f, and `angles` what the lobe needs of the directions. Observations that
-    are not used are 0 in `observed`, `plain` and `arriving`.
+    are not used are 0 in `observed`, `plain` and `arriving`. `environments` hold what arrives from all
+    around, degree by degree, in the direction that the viewer is mirrored to; 0 likewise.
     """
 
     lobe: AbstractLobe
@@ -78,6 +80,7 @@ class PixelProblem(eqx.Module):
     plain: tuple[tuple[Observations, ...], ...]  # G, columns
     arriving: tuple[tuple[Observations, ...], ...]  # G, L
     angles: tuple[Observations, ...]  # L
+    environments: tuple[tuple[tuple[Observations, ...], ...], ...] = ()  # of each: G, degrees
 
     def lobe_at(self, u: Float[Array, "..."]) -> list[Observations]:
         """The specular column s at log n = u, a number or a plane: G planes."""
@@ -92,7 +95,11 @@ class PixelProblem(eqx.Module):
         shininess = jnp.exp(u)[None] if u.ndim == 0 else jnp.exp(u)[None, None]
         lobe = eqx.tree_at(lambda l: l.shininess, self.lobe, shininess)
         values = [lobe.at(angles)[0] for angles in self.angles]
-        return [_dot(a, values) for a in self.arriving]
+        terms = [[x * y for x, y in zip(a, values, strict=True)] for a in self.arriving]
+        for around in self.environments:
+            for own, bands in zip(terms, around, strict=True):
+                own += filtered(lobe, tuple((band,) for band in bands))
+        return [_total(own) for own in terms]
 
 
 class Linear(NamedTuple):
@@ -274,7 +281,13 @@ def _by_optimistix(problem: PixelProblem, settings: Settings, u: Array) -> Array
         )
         return solution.value[0]
 
-    planes = (problem.observed, problem.plain, problem.arriving, problem.angles)
+    planes = (
+        problem.observed,
+        problem.plain,
+        problem.arriving,
+        problem.angles,
+        problem.environments,
+    )
     u = jax.vmap(minimise, in_axes=(0, -1))(u, planes)
     # Its tolerances are met before the last digits are: one step more, where it is a small one.
     step = _project(problem, settings, u).step

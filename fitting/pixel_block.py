@@ -21,11 +21,13 @@ from diffshade.channels import Channels, channels, per_channel, times
 from diffshade.errors import BadInput
 from diffshade.fusion import compiler_options, processors
 from diffshade.geometry.viewer import AbstractViewer
-from diffshade.light.base import AbstractLight
+from diffshade.light.base import AbstractLight, AbstractRayLight
+from diffshade.light.environment import EnvironmentLight
 from diffshade.reflectance.lambert import lambert
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from diffshade.shading.one_light import strength
+from diffshade.shading.prefiltered import prefiltered
 from diffshade.vector import Vec3, dot
 from fitting.pixel import PixelFit, PixelProblem, Settings, fit_pixels
 
@@ -147,9 +149,19 @@ def _problem(
     diffuse: list[Channels] = []
     specular: list[Channels] = []
     angles = []
+    bands: list[tuple[Channels, ...]] = []
     for slot in lamps.slots:
+        if isinstance(slot, EnvironmentLight):
+            around = jax.vmap(lambda light: prefiltered(light, n, v))(slot)
+            arriving = tuple(i[:, None] * weight for i in _by_channel(slot.intensity))
+            diffuse.append(_coloured(times(arriving, around.irradiance), material.od))
+            bands.append(
+                tuple(_coloured(times(arriving, band), material.os) for band in around.bands)
+            )
+            continue
+        assert isinstance(slot, AbstractRayLight)
 
-        def arrives(light: AbstractLight) -> tuple[Array, Array, Array | None]:
+        def arrives(light: AbstractRayLight) -> tuple[Array, Array, Array | None]:
             l, distance, emission = light.incidence(position)
             n_dot_l = dot(n, l)
             f = strength(light, distance, emission)
@@ -169,7 +181,8 @@ def _problem(
     if material.kd is not None:
         count = max(len(term) for term in diffuse)
         plain.append(tuple(sum(p[1:], p[0]) for p in _by_plane(diffuse, count)))
-    count = max(len(term) for term in (*plain, *specular))
+    around_all = [band for slot_bands in bands for band in slot_bands]
+    count = max(len(term) for term in (*plain, *specular, *around_all))
     channel_count = len(chunk.observed)
     if count not in (1, channel_count):
         raise BadInput(
@@ -180,8 +193,12 @@ def _problem(
         lobe=lobe,
         observed=tuple(chunk.observed),
         plain=_by_plane(plain, count) or ((),) * count,
-        arriving=_by_plane(specular, count),
+        arriving=_by_plane(specular, count) or ((),) * count,
         angles=tuple(angles),
+        environments=tuple(
+            tuple(zip(*(per_channel(band, count) for band in degrees), strict=True))
+            for degrees in bands
+        ),
     )
 
 

@@ -10,7 +10,7 @@ from diffshade.arrays import floats, optional
 from diffshade.bounds import Ball, Cone
 from diffshade.vector import Vec3
 
-__all__ = ["AbstractLight", "Incidence", "Incoming", "share"]
+__all__ = ["AbstractLight", "AbstractRayLight", "Incidence", "Incoming", "share"]
 
 Plane = Float[Array, "..."]
 
@@ -38,7 +38,7 @@ class Incoming(NamedTuple):
 
 
 class AbstractLight(eqx.Module):
-    """A source of light with an intensity I_p: one number, or one a channel.
+    """A source of light with an intensity: one number, or one a channel.
 
     `visible` is the share of it, 0 to 1, that each point of a G-buffer sees, a factor on the intensity
     there: a plane [P], as `shading.shadows` computes it. None, which is not compiled, is all of it.
@@ -51,6 +51,10 @@ class AbstractLight(eqx.Module):
     def is_finite(self) -> bool:
         """Whether nothing arrives beyond some distance."""
         return False
+
+
+class AbstractRayLight(AbstractLight):
+    """One that reaches a point along one ray, with the intensity I_p."""
 
     @abstractmethod
     def incidence(self, position: Vec3 | None) -> Incidence:

@@ -5,13 +5,13 @@ from jaxtyping import Array, Float
 
 from diffshade.arrays import floats, vector
 from diffshade.bounds import Ball, Cone
-from diffshade.light.base import AbstractLight, Incidence, Incoming, share
+from diffshade.light.base import AbstractRayLight, Incidence, Incoming, share
 from diffshade.vector import Vec3, unit
 
 __all__ = ["ParallelLight"]
 
 
-class ParallelLight(AbstractLight):
+class ParallelLight(AbstractRayLight):
     """A light of one direction everywhere: l = direction / |direction|.
 
     `direction` points from the surface to the light and need not be a unit vector; a zero vector

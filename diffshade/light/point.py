@@ -8,7 +8,7 @@ from diffshade.arrays import floats, vector
 from diffshade.bounds import Ball
 from diffshade.errors import BadInput
 from diffshade.light.attenuation import AbstractAttenuation, Windowed
-from diffshade.light.base import AbstractLight, Incidence, Incoming, share
+from diffshade.light.base import AbstractRayLight, Incidence, Incoming, share
 from diffshade.vector import Vec3, dot
 
 __all__ = ["AbstractPointLight", "PointLight"]
@@ -16,7 +16,7 @@ __all__ = ["AbstractPointLight", "PointLight"]
 Plane = Float[Array, "..."]
 
 
-class AbstractPointLight(AbstractLight):
+class AbstractPointLight(AbstractRayLight):
     """A light at a position, with an attenuation f(d)."""
 
     position: eqx.AbstractVar[Float[Array, "3"]]

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from diffshade import guard
 from diffshade.bounds import Cone
+from diffshade.channels import Channels
 from diffshade.vector import Vec3, dot, versine
 
 __all__ = ["AbstractLobe", "log_cosine"]
@@ -41,6 +42,14 @@ class AbstractLobe(eqx.Module):
 
     def most(self, n: Cone, l: Cone, v: Cone) -> Plane | None:
         """The largest s for n, l, v in cones; None, the default, where it is not known."""
+        return None
+
+    def filtered(self, bands: tuple[Channels, ...]) -> Channels | None:
+        """The integral of L(w) s over all directions w of light, from the degrees of L in a direction.
+
+        `bands` holds sum over m of L_lm Y_lm(r), for each l, where the viewer is mirrored to: one plane,
+        or one a channel. None, the default, of a lobe that is not the same all around r.
+        """
         return None
 
     def shape(self, n: Vec3, l: Vec3, v: Vec3, n_dot_l: Plane) -> tuple[Plane, ...]:

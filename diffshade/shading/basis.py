@@ -21,12 +21,13 @@ from diffshade.errors import BadInput
 from diffshade.fusion import Led, kept, packed
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
+from diffshade.light.environment import EnvironmentLight
 from diffshade.light.visible import check_visible
 from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
 from diffshade.shading.cull import at_most, tile_of
 from diffshade.shading.lights import Dimmest, LightSums, Many, add, gathered, sum_over_lights
-from diffshade.shading.one_light import Angles, angles, lit, reflected, unlit
+from diffshade.shading.one_light import Seen, angles, lit, reflected, unlit
 from diffshade.vector import Vec3
 
 __all__ = [
@@ -59,7 +60,7 @@ class Basis(eqx.Module):
     specular: tuple[Channels, ...]
 
 
-Lit: TypeAlias = tuple[AbstractLight, Angles | None]
+Lit: TypeAlias = tuple[AbstractLight, Seen | None]
 """A light, and under what angles it is seen where that is known already."""
 
 Few: TypeAlias = Callable[[GBuffer, Sequence[Lit], Material, Vec3 | None], LightSums]
@@ -87,7 +88,7 @@ def basis(gbuffer: GBuffer, scene: Scene, material: Material) -> Basis:
     return cut(found, gbuffer.pixel_count)
 
 
-def lights_of(scene: Scene, seen: tuple[Angles, ...] | None = None) -> tuple[Lit | Many, ...]:
+def lights_of(scene: Scene, seen: tuple[Seen, ...] | None = None) -> tuple[Lit | Many, ...]:
     """A scene's lights, gathered where there are many of a kind, with the angles that are known."""
     if seen is not None:
         return tuple(zip(scene.lights, seen, strict=True))
@@ -115,10 +116,23 @@ def terms(
         def term(lights: Sequence[Lit]) -> LightSums:
             return few(gbuffer, lights, material, view)
 
+        lights = [_known_first(gbuffer, one, material, view) for one in lights]
         dimmest = None if tolerance is None else _dimmest(gbuffer, material, tolerance)
         sums = sum_over_lights(term, lights, dimmest)
         sums = sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)
     return of_light_sums(sums, ambient, material)
+
+
+def _known_first(
+    gbuffer: GBuffer, light: Lit | Many, material: Material, view: Vec3 | None
+) -> Lit | Many:
+    """An environment's integrals, which are a loop of their own, once for all that is packed of them."""
+    if isinstance(light, Many) or not isinstance(light[0], EnvironmentLight):
+        return light
+    one, seen = light
+    if seen is None:
+        seen = angles(gbuffer, one, material.specular, material.body, view)
+    return one, seen
 
 
 def _dimmest(gbuffer: GBuffer, material: Material, tolerance: Float[Array, ""]) -> Dimmest:

@@ -16,10 +16,10 @@ from jaxtyping import Array, Float, Int
 from diffshade.bounds import Ball, Cone, largest_cosine
 from diffshade.fusion import stored
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.light.base import AbstractLight
+from diffshade.light.base import AbstractLight, AbstractRayLight
 from diffshade.reflectance.material import Material
 
-__all__ = ["TILE", "Tile", "at_most", "needed", "tile_by_tile", "tile_of"]
+__all__ = ["TILE", "Tile", "at_most", "largest", "needed", "tile_by_tile", "tile_of"]
 
 TILE = 32
 """Pixels on a side of a tile."""
@@ -46,15 +46,16 @@ def at_most(tile: Tile, light: AbstractLight, material: Material) -> Number:
     """The largest radiance that a light adds to a channel of any pixel: infinite if not known."""
     dtype = tile.n.cosine.dtype
     unknown = jnp.asarray(jnp.inf, dtype)
-    incoming = light.over(tile.ball)
+    incoming = light.over(tile.ball) if isinstance(light, AbstractRayLight) else None
     if incoming is None:
         return unknown
+    assert isinstance(light, AbstractRayLight)
     cosine = largest_cosine(tile.n, incoming.l)
-    reflected = _largest(material.kd, material.od) * cosine
+    reflected = largest(material.kd, material.od) * cosine
     for lobe in material.specular:
         assert tile.v is not None
         shape = lobe.most(tile.n, incoming.l, tile.v)
-        reflected += _largest(lobe.ks, material.os) * (unknown if shape is None else shape)
+        reflected += largest(lobe.ks, material.os) * (unknown if shape is None else shape)
     arriving = jnp.abs(light.intensity)
     dark = cosine <= 0
     f = light.falloff(incoming.nearest)
@@ -103,7 +104,7 @@ def tile_by_tile(gbuffer: GBuffer) -> Int[Array, "P"]:
     return numbers.at[place].set(inside, mode="drop")
 
 
-def _largest(coefficient: Array | None, colour: Array | None) -> Float[Array, "..."]:
+def largest(coefficient: Array | None, colour: Array | None) -> Float[Array, "..."]:
     """The largest |k O| in each channel, over all pixels; 0 for an absent term."""
     if coefficient is None:
         return jnp.zeros(())

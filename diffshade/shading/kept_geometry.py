@@ -13,7 +13,7 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.visible import check_visible
 from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
-from diffshade.shading.one_light import Angles, angles
+from diffshade.shading.one_light import Seen, angles
 
 __all__ = ["KeptGeometry", "keep_geometry", "kinds", "planes_of"]
 
@@ -23,14 +23,15 @@ class KeptGeometry(eqx.Module):
 
     It stands for the G-buffer in `render` and `mean_squared_error` while positions, normals and the
     directions of lights stay as they are: what may change are coefficients, shapes of lobes and body,
-    intensities and the constants of attenuations; not the cone of a spot light. It takes for each light
+    intensities and the constants of attenuations; not the cone of a spot light, nor the harmonics of an
+    environment. It takes for each light
     a plane for n.l, one for the distance, and one a lobe, four of microfacets. What is rendered from it
     has no derivative in positions and directions of the scene that it is rendered with: keep it anew
     where these move, inside what is differentiated.
     """
 
     gbuffer: GBuffer
-    angles: tuple[Angles, ...] | None
+    angles: tuple[Seen, ...] | None
     kinds: tuple[str, ...] = eqx.field(static=True, default=())
 
     def in_bucket(self) -> "KeptGeometry":
@@ -101,5 +102,5 @@ def keep_geometry(
 
 
 @Led
-def _angles(gbuffer: GBuffer, scene: Scene, material: Material) -> tuple[Angles, ...]:
+def _angles(gbuffer: GBuffer, scene: Scene, material: Material) -> tuple[Seen, ...]:
     return tuple(angles(gbuffer, light, material.specular, material.body) for light in scene.lights)

@@ -5,7 +5,7 @@ of an attenuation changes. The second is the rest. Rendering takes both at once;
 coefficients keeps the first.
 """
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -13,15 +13,17 @@ from jaxtyping import Array, Float
 from diffshade import guard
 from diffshade.channels import Channels, channels, times
 from diffshade.geometry.gbuffer import GBuffer
-from diffshade.light.base import AbstractLight
+from diffshade.light.base import AbstractLight, AbstractRayLight
+from diffshade.light.environment import EnvironmentLight
 from diffshade.reflectance.body import FresnelBody
 from diffshade.reflectance.lambert import lambert
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.reflectance.material import Material
 from diffshade.shading.lights import LightSums
+from diffshade.shading.prefiltered import Prefiltered, prefiltered, unlit_around
 from diffshade.vector import Vec3, dot
 
-__all__ = ["Angles", "angles", "lit", "reflected", "strength", "unlit"]
+__all__ = ["Angles", "Seen", "angles", "lit", "reflected", "strength", "unlit"]
 
 Plane = Float[Array, "..."]
 
@@ -40,18 +42,26 @@ class Angles(eqx.Module):
     emission: Plane | None = None
 
 
+Seen: TypeAlias = Angles | Prefiltered
+"""The geometry of a light: under what angles its ray is seen, or an environment's integrals."""
+
+
 def angles(
     gbuffer: GBuffer,
     light: AbstractLight,
     lobes: tuple[AbstractLobe, ...],
     body: FresnelBody | None = None,
     view: Vec3 | None = None,
-) -> Angles:
+) -> Seen:
     """The half that depends on positions, normals and directions.
 
     `view` is the G-buffer's view direction, where several lights share it.
     """
     n = gbuffer.normal
+    if isinstance(light, EnvironmentLight):
+        v = gbuffer.viewer.direction(gbuffer.position) if lobes and view is None else view
+        return prefiltered(light, n, v if lobes else None)
+    assert isinstance(light, AbstractRayLight)
     l, distance, emission = light.incidence(gbuffer.position)
     if light.visible is not None:
         emission = light.visible if emission is None else emission * light.visible
@@ -64,13 +74,16 @@ def angles(
     return Angles(n_dot_l, seen, distance, n_dot_v, emission)
 
 
-def reflected(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
+def reflected(seen: Seen, light: AbstractLight, material: Material) -> LightSums:
     """I f(d) n.l, and I f(d) s for each lobe: the half that depends on coefficients."""
     return lit(light, unlit(seen, light, material))
 
 
-def unlit(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
+def unlit(seen: Seen, light: AbstractLight, material: Material) -> LightSums:
     """f(d) n.l and f(d) s: what a light of intensity 1 reflects."""
+    if isinstance(seen, Prefiltered):
+        return unlit_around(seen, material)
+    assert isinstance(light, AbstractRayLight)
     f = strength(light, seen.distance, seen.emission)
     diffuse: Channels | None = None
     if material.kd is not None:
@@ -79,7 +92,9 @@ def unlit(seen: Angles, light: AbstractLight, material: Material) -> LightSums:
     return diffuse, tuple(_times(f, lobe.at(own)) for lobe, own in lobes)
 
 
-def strength(light: AbstractLight, distance: Plane | None, emission: Plane | None) -> Plane | None:
+def strength(
+    light: AbstractRayLight, distance: Plane | None, emission: Plane | None
+) -> Plane | None:
     """The factor on a light's intensity: its falloff times its emission; None where it is 1."""
     f = light.falloff(distance)
     if emission is None:

@@ -164,7 +164,10 @@ def _check_kept(kept: KeptGeometry, scene: Scene, material: Material) -> None:
             f" {_listed(asked)}: keep it for this scene and material"
         )
     for seen, light in zip(kept.angles or (), scene.lights, strict=True):
-        if getattr(light, "attenuation", None) is not None and seen.distance is None:
+        if (
+            getattr(light, "attenuation", None) is not None
+            and getattr(seen, "distance", None) is None
+        ):
             raise BadInput(
                 "the kept geometry has no distance to a light, which has an attenuation now: keep it"
                 " for this scene"

@@ -1,0 +1,202 @@
+"""Light from all around: an environment, in spherical harmonics (Ramamoorthi and Hanrahan 2001).
+
+The radiance L(w) that arrives from the direction w is sum over l, m of L_lm Y_lm(w), to an order. What a
+surface makes of it needs no ray: a matt one sends E(n) on, a smooth function of the normal, which nine
+coefficients tell to about a hundredth; a shiny one mirrors L, blurred by its lobe.
+"""
+
+from dataclasses import replace
+from functools import reduce
+from math import pi, sqrt
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from diffshade.arrays import ArrayLike, floats
+from diffshade.channels import Channels
+from diffshade.errors import BadInput
+from diffshade.harmonics import bands, harmonics, order_of
+from diffshade.light.base import AbstractLight
+from diffshade.light.parallel import ParallelLight
+from diffshade.vector import Vec3
+
+__all__ = ["EnvironmentLight"]
+
+COSINE = (pi, 2 * pi / 3, pi / 4)
+"""A_l of max(0, cos): pi, 2 pi / 3, pi / 4, 0, -pi / 24, ... (2001, equation 8)."""
+LOWEST = (
+    (sqrt(1 / (4 * pi)),),
+    (sqrt(3 / (4 * pi)),) * 3,
+    tuple(sqrt(15 / (4 * pi)) * part for part in (1, 1, sqrt(1 / 12), 1, 0.5)),
+)
+"""What stands before 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2 in Y_lm (2001, equation 3)."""
+
+
+class EnvironmentLight(AbstractLight):
+    """The radiance L(w) that arrives from each direction w, to infinity, whatever the position.
+
+    `harmonics` are its coefficients L_lm, [(order + 1)^2] or [(order + 1)^2, C], in the order (0, 0),
+    (1, -1), (1, 0), (1, 1), (2, -2), ... of `diffshade.harmonics`, which are real, without the sign of
+    Condon and Shortley, about the world's z; L is in the unit of the image. `intensity` is a factor on
+    it, one number or one a channel.
+
+    A matt surface shows k_d E(n), k_d being the plain coefficient: an albedo rho has k_d = rho / pi.
+
+        E(n) = integral of L(w) max(0, n.w) dw  =  sum over l <= 2 of A_l sum over m of L_lm Y_lm(n)
+
+    with A_l = pi, 2 pi / 3, pi / 4. What higher degrees would add is at most 3/32 of the integral of L,
+    under one far lamp and square to it; of photographed rooms and skies it is 1 % on the average and
+    3 % at most (2001). E may be a little below 0. A Phong lobe shows the integral of
+    L(w) max(0, r.w)^n, r where the viewer is mirrored to (`Phong.filtered`), of all degrees. The gate
+    n.w > 0 of other lights is dropped, as in every pre-filtered map: light from below the horizon
+    shows at grazing angles. Other lobes, weighted lobes and bodies have no such form and are refused:
+    light them by `as_lights`. How high a degree a lobe can tell, `ds.resolved` says.
+
+    Nothing is lit where a normal is zero; elsewhere smooth. Raises `BadInput` for harmonics of another
+    number.
+
+    >>> EnvironmentLight([1.0, 0.0, 0.4, 0.0]).order
+    1
+    """
+
+    harmonics: Float[Array, "..."] = eqx.field(converter=floats("the environment's harmonics"))  # type: ignore[misc]
+    intensity: Float[Array, "..."] = eqx.field(
+        converter=floats("the environment's intensity"), default=1.0
+    )
+
+    def __check_init__(self) -> None:
+        shape = self.harmonics.shape
+        if len(shape) not in (1, 2) or order_of(shape[0]) is None or 0 in shape:
+            raise BadInput(
+                f"the environment's harmonics have shape {shape}: give [(order + 1)^2] or"
+                " [(order + 1)^2, C] numbers, as 9 of order 2"
+            )
+
+    @classmethod
+    def from_image(cls, image: ArrayLike, order: int) -> "EnvironmentLight":
+        """From a latitude-longitude image of all directions, [H, W] or [H, W, C], linear radiance.
+
+        The top row looks up, along y, and the bottom row down. The middle column looks where a camera
+        looks, along -z; from there the columns go round by x, a quarter of the width to the right, and
+        meet behind the camera at +z. (Images of OpenEXR have +z in the middle: roll them by W / 2.)
+        The harmonics are sums over the pixels, with the solid angle of each; derivatives reach the image.
+
+        Raises `BadInput` for an image that has fewer than order + 1 rows, or 2 (order + 1) columns.
+
+        >>> sky = np.ones((8, 16))
+        >>> EnvironmentLight.from_image(sky, order=2).harmonics.shape
+        (9,)
+        """
+        picture = floats("the environment's image")(image)
+        if not isinstance(order, int | np.integer) or isinstance(order, bool) or order < 0:
+            raise BadInput(f"order is {order!r}: give a whole number of at least 0")
+        if picture.ndim not in (2, 3) or 0 in picture.shape:
+            raise BadInput(
+                f"the environment's image has shape {picture.shape}: give [H, W] or [H, W, C]"
+            )
+        height, width = picture.shape[:2]
+        if order >= min(height, width // 2):
+            raise BadInput(
+                f"the environment's image is {width} x {height} pixels, too few for order {order}: give"
+                f" a lower order, or an image of at least {2 * order + 2} x {order + 1}"
+            )
+        return cls(harmonics=_projected(picture, int(order)), intensity=jnp.ones((), picture.dtype))
+
+    @property
+    def order(self) -> int:
+        """The highest degree l."""
+        order = order_of(self.harmonics.shape[0])
+        assert order is not None
+        return order
+
+    def truncated(self, order: int) -> "EnvironmentLight":
+        """The same light up to an order."""
+        return replace(self, harmonics=self.harmonics[: (order + 1) ** 2])
+
+    def radiance(self, direction: ArrayLike) -> Float[Array, "... C"]:
+        """L(w) [..., C or 1] in unit directions w [..., 3], times the intensity: as a background."""
+        w = Vec3.from_array(floats("the direction")(direction))
+        planes = [sum(channel) for channel in zip(*self.seen_in(w), strict=True)]
+        return jnp.stack(planes, axis=-1) * self.intensity
+
+    def irradiance(self, n: Vec3) -> Channels:
+        """E(n) of an intensity of 1, from the degrees up to 2 that there are (2001, equation 11)."""
+        x, y, z = n.x, n.y, n.z
+        shapes: Any = (
+            (jnp.ones_like(x),),
+            (y, z, x),
+            (x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y),
+        )
+        lowest = [
+            (a * factor, shape)
+            for l, a in enumerate(COSINE[: self.order + 1])
+            for factor, shape in zip(LOWEST[l], shapes[l], strict=True)
+        ]
+        return tuple(
+            reduce(
+                jnp.add,
+                (factor * c * shape for (factor, shape), c in zip(lowest, channel, strict=True)),
+            )
+            for channel in self._rows[: len(lowest)].T
+        )
+
+    def seen_in(self, direction: Vec3) -> tuple[Channels, ...]:
+        """L in a direction, degree by degree: sum over m of L_lm Y_lm, of an intensity of 1."""
+        return bands(direction, self._rows)
+
+    def as_lights(self, samples: int) -> tuple[ParallelLight, ...]:
+        """2 samples^2 parallel lights that together are this one, for every lobe and body.
+
+        They stand at the nodes of Gauss's rule in z, evenly around. What they light converges like a
+        power of 1 / samples, as every light has a terminator; a lobe needs as many as highlights fit
+        around the sphere. Where the harmonics ring below 0, so do their intensities.
+
+        >>> len(EnvironmentLight([1.0]).as_lights(4))
+        32
+        """
+        if not isinstance(samples, int | np.integer) or isinstance(samples, bool) or samples < 1:
+            raise BadInput(f"samples is {samples!r}: give a whole number of at least 1")
+        z, weight = np.polynomial.legendre.leggauss(samples)
+        turns = (np.arange(2 * samples) + 0.5) * pi / samples
+        ring = np.sqrt(1 - z * z)[:, None]
+        w = np.stack(
+            np.broadcast_arrays(ring * np.cos(turns), ring * np.sin(turns), z[:, None]), axis=-1
+        ).reshape(-1, 3)
+        share = np.repeat(weight * pi / samples, 2 * samples)
+        dtype = self.harmonics.dtype
+        intensity = self.radiance(w.astype(dtype)) * jnp.asarray(share[:, None], dtype)
+        grey = self.harmonics.ndim == 1 and self.intensity.ndim == 0
+        return tuple(
+            ParallelLight(jnp.asarray(direction, dtype), own[0] if grey else own)
+            for direction, own in zip(w, intensity, strict=True)
+        )
+
+    @property
+    def _rows(self) -> Float[Array, "K C"]:
+        return self.harmonics[:, None] if self.harmonics.ndim == 1 else self.harmonics
+
+
+def _projected(image: Float[Array, "H W *C"], order: int) -> Float[Array, "K *C"]:
+    """The integrals of image times Y_lm, row by row."""
+    height, width = image.shape[:2]
+    edges = np.cos(np.linspace(0, pi, height + 1))
+    latitude = (np.arange(height) + 0.5) * pi / height
+    longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * pi
+    rows = np.stack(
+        [np.sin(latitude), np.cos(latitude), (edges[:-1] - edges[1:]) * 2 * pi / width], 1
+    )
+    right, ahead = (jnp.asarray(x, image.dtype) for x in (np.sin(longitude), -np.cos(longitude)))
+
+    def add_row(total: Array, row: tuple[Array, Array]) -> tuple[Array, None]:
+        (ring, height, angle), radiance = row
+        w = Vec3(ring * right, jnp.broadcast_to(height, right.shape), ring * ahead)
+        return total + jnp.tensordot(
+            angle * harmonics(w, order), radiance, 1, precision=lax.Precision.HIGHEST
+        ), None
+
+    start = jnp.zeros(((order + 1) ** 2, *image.shape[2:]), image.dtype)
+    return lax.scan(add_row, start, (jnp.asarray(rows, image.dtype), image))[0]
