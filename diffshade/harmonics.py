@@ -26,7 +26,7 @@ from jaxtyping import Array, Float, Int
 
 from diffshade.vector import Vec3
 
-__all__ = ["bands", "harmonics", "order_of"]
+__all__ = ["bands", "order_of", "spherical_harmonics"]
 
 Plane = Float[Array, "..."]
 
@@ -37,11 +37,11 @@ def order_of(count: int) -> int | None:
     return root - 1 if count and root * root == count else None
 
 
-def harmonics(direction: Vec3, order: int) -> Float[Array, "K ..."]:
+def spherical_harmonics(direction: Vec3, order: int) -> Float[Array, "K ..."]:
     """All Y_lm of degrees up to `order` in a direction, a unit vector: K = (order + 1)^2.
 
     >>> d = Vec3(*map(jnp.asarray, (1.0, 0.0, 0.0)))
-    >>> [round(float(y), 4) + 0 for y in harmonics(d, 1)]
+    >>> [round(float(y), 4) + 0 for y in spherical_harmonics(d, 1)]
     [0.2821, 0.0, 0.0, 0.4886]
     """
     degrees = _degree_by_degree(direction, order, lambda y, _: y, None)
@@ -85,7 +85,7 @@ def _degree_by_degree(
     def step(last: tuple[Array, Array], own: Any) -> tuple[tuple[Array, Array], Array]:
         (k1, k2), (a, ab, start, rest) = last, own
         a, ab, start = (t.reshape(columns) for t in (a, ab, start))
-        k = a * (z * k1) - ab * k2 + start
+        k = a * (z[None] * k1) - ab * k2 + start
         return (k, k1), of_degree(jnp.concatenate([k, k]) * around, rest)
 
     nothing = jnp.zeros(shape, x.dtype)

@@ -15,6 +15,7 @@ from diffshade import guard, vector
 from diffshade.colour import cie, interpolate, metamer, observer, spectrum
 from diffshade.geometry import normals
 from diffshade.geometry.surface import Visibility
+from diffshade.harmonics import bands, spherical_harmonics
 from diffshade.reflectance import masking
 from diffshade.vector import Vec3
 
@@ -81,6 +82,12 @@ def spot_light(case: dict[str, Any]) -> ds.SpotLight:
     """One there that shines the other way."""
     shining = -case["direction"], case["intensity"], case["shininess"]
     return ds.SpotLight(case["place"], *shining, attenuation=law(ds.QuadraticAttenuation, case))
+
+
+def sky(case: dict[str, Any]) -> ds.EnvironmentLight:
+    """An environment of order 2."""
+    some = jnp.concatenate([case["intensity"], case["ambient"], -case["intensity"]])
+    return ds.EnvironmentLight(jnp.tile(some, 3), case["intensity"])
 
 
 def glowing(kind: str, case: dict[str, Any]) -> Any:
@@ -257,6 +264,12 @@ def of_vectors(f: Callable[..., Any], count: int = 2) -> Contract:
         return f(*(Vec3.from_array(case[name]) for name in ("a", "b")[:count]))
 
     return Contract(strategies.vectors, of)
+
+
+def of_sphere(case: dict[str, Any]) -> Any:
+    """The harmonics in a direction, and sums of them."""
+    w, c = vector.unit(Vec3.from_array(case["a"])), jnp.tile(case["b"], 3)[:, None]
+    return spherical_harmonics(w, 3), bands(w, c)
 
 
 def of_numbers(f: Callable[..., Any]) -> Contract:

@@ -40,6 +40,7 @@ from computed import (
     of_numbers,
     of_one_colour,
     of_shares,
+    of_sphere,
     of_vectors,
     of_vertices,
     on_a_device,
@@ -51,6 +52,7 @@ from computed import (
     refracted,
     refractions,
     shaded,
+    sky,
     smith,
     spot_light,
     temperatures,
@@ -60,7 +62,7 @@ from jax.flatten_util import ravel_pytree
 from strategies import Cases
 
 import diffshade as ds
-from diffshade import guard, vector
+from diffshade import guard, harmonics, vector
 from diffshade.colour import (
     cie,
     device,
@@ -126,7 +128,8 @@ NO_FLOATS = {
         "makes a lobe of another, whose coefficients it has by the other functions",
     ),
     "shadowed": "decides on values what is seen of lights, and is never differentiated",
-    "resolved": "chooses a number of samples; what it returns is an emitter",
+    "resolved": "chooses a number of samples, or an order; what it returns is a light",
+    "harmonics.order_of": "of whole numbers",
     "conversion.difference": "the largest over many directions: to be read, not descended",
     "fresnel.AbstractFresnel": "the class of its three kinds",
     "BadInput": "an exception",
@@ -140,7 +143,7 @@ NO_FLOATS = {
 def exported() -> Iterator[str]:
     """The public names: of the package, and of the modules that formulas are read in."""
     modules: tuple[ModuleType, ...] = (
-        *(ds, guard, vector, normals, lambert, phong, blinn_phong),
+        *(ds, guard, harmonics, vector, normals, lambert, phong, blinn_phong),
         *(conversion, distribution, fresnel, masking),
         *(cie, device, interpolate, srgb, transfer),
         *(dominant, metamer, munsell, names, observer, spectrum),
@@ -197,6 +200,7 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("BlinnPhong",): shaded(quadratic, partial(ds.BlinnPhong, weight=ds.Dielectric(1.3))),
     ("Material",): shaded(parallel_light, ds.Phong, ds.BlinnPhong, eye=False),
     ("SpotLight",): shaded(spot_light, ds.Phong),
+    ("EnvironmentLight",): shaded(sky, ds.Phong),
     **{
         (f"{kind}Light",): shaded(partial(glowing, kind))
         for kind in ("Rectangle", "Disc", "Sphere", "Line")
@@ -249,6 +253,8 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("vector.refract",): Contract(refractions, refracted),
     ("vector.versine",): of_vectors(vector.versine),
     ("vector.unit",): of_vectors(vector.unit, 1),
+    # Harmonics
+    ("harmonics.spherical_harmonics", "harmonics.bands"): Contract(strategies.vectors, of_sphere),
     # Normals
     ("normals.face_normals",): of_corners(normals.face_normals),
     ("normals.plane_normals",): of_corners(normals.plane_normals),
@@ -318,5 +324,6 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("fresnel.conductor",): of_angles(fresnel.conductor, "cosine", "index", "extinction"),
     ("fresnel.schlick",): of_angles(fresnel.schlick, "cosine", "f0"),
     ("phong.phong",): lobe(phong.phong),
+    ("phong.blurred",): of_angles(lambda n: phong.blurred(n, 5), "shininess"),
     ("blinn_phong.blinn_phong",): lobe(blinn_phong.blinn_phong),
 }

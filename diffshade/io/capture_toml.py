@@ -9,11 +9,12 @@ or none.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from diffshade.errors import BadInput
 from diffshade.io.capture import Capture, assemble
 from diffshade.io.encoding import decode
+from diffshade.io.environment_table import environment_channels
 from diffshade.io.folder_geometry import read_mask_of
 from diffshade.io.foreground import lost_pixels
 from diffshade.io.normals_file import NormalMap
@@ -56,9 +57,14 @@ def read_capture_toml(
         top.fail("there is no [[image]]; give at least one")
     lights = [_lights(entry, lit=ambient is not None) for entry in entries]
     fitted = _fitted([light for of_image in lights for light in of_image])
+    known: dict[str, Any] = {}  # the file of an environment is read once
+    for light in (light for of_image in lights for light in of_image):
+        if (said := repr(light.values)) not in known:
+            known[said] = read_light(light)
     with top.naming():
         scenes = [
-            Scene(ambient=ambient, lights=tuple(map(read_light, of_image))) for of_image in lights
+            Scene(ambient=ambient, lights=tuple(known[repr(light.values)] for light in of_image))
+            for of_image in lights
         ]
 
     geometry, camera, notes = read_view(top)
@@ -79,6 +85,12 @@ def read_capture_toml(
         for light in of_image:
             channel_count(light, "intensity", channels)
             channel_count(light, "radiance", channels)
+            around = environment_channels(known[repr(light.values)])
+            if around not in (1, channels):
+                light.fail(
+                    f"the environment has {around} channels where the images have {channels};"
+                    f" give one, or {channels}"
+                )
     if camera is not None and (camera.height, camera.width) != (height, width):
         top.fail(
             f"the camera has {camera.width} x {camera.height} pixels where {first} is"

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffshade.errors import BadInput, naming
+from diffshade.io.environment_table import environment_channels
 from diffshade.io.reflectance_tables import (
     per_channel_keys,
     read_body,
@@ -138,7 +139,7 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     with top.naming():
         given = tuple(map(read_light, lights))
         scene = Scene(ambient=ambient, lights=given)
-    _one_channel_count(top, lights)
+    _one_channel_count(top, lights, tuple(map(environment_channels, given)))
     geometry, camera, notes = read_view(top)
     refuse_near_lights(geometry, lights)
     shadows = "shadows" in top and top.truth("shadows")
@@ -195,7 +196,7 @@ def _material(table: Table) -> Material:
         return Material(**given, specular=lobes, body=body)
 
 
-def _one_channel_count(top: Table, lights: list[Table]) -> None:
+def _one_channel_count(top: Table, lights: list[Table], around: tuple[int, ...]) -> None:
     """Refuse lists of different lengths: one number a channel of one image."""
     tables = [(top, "ambient"), *((x, key) for x in lights for key in ("intensity", "radiance"))]
     if "material" in top:
@@ -205,7 +206,8 @@ def _one_channel_count(top: Table, lights: list[Table]) -> None:
         others = [material.table(key) for key in ("body", "transparency") if key in material]
         for part in (*lobes, *others):
             tables += per_channel_keys(part)
-    counts = {}
+    environments = zip(around, lights, strict=True)
+    counts = {n: f"{light.place}: environment" for n, light in environments if n > 1}
     for table, key in tables:
         value = table.values.get(key)
         if isinstance(value, list) and len(value) > 1:

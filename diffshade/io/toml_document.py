@@ -121,6 +121,16 @@ class Table:
             self._wrong(key, f"a number{_range(least, above)}, or a list with one a channel")
         return tuple(map(float, value)) if isinstance(value, list) else float(value)
 
+    def rows(self, key: str) -> Any:
+        """A list of finite numbers, or of lists of as many of them each."""
+        value = self.values[key]
+        rows = value if isinstance(value, list) else []
+        numbers = [row if isinstance(row, list) else [row] for row in rows]
+        shapes = {len(row) if isinstance(row, list) else None for row in rows}
+        if len(shapes) != 1 or not all(_in_range(x) for row in numbers for x in row):
+            self._wrong(key, "a list of numbers, or of lists of one number a channel")
+        return value
+
     def file(self, key: str) -> Path:
         """A path, relative to the folder of this file, and in it."""
         return within(self.path.parent, self.text(key), allow_outside=self.allow_outside)

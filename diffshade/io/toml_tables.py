@@ -56,7 +56,8 @@ def read_view(top: Table) -> View:
 
 
 def read_light(table: Table) -> Any:
-    """`{ kind = "point" | "spot" | "parallel" | "rectangle" | "disc" | "sphere" | "line", ... }`.
+    """`{ kind = "point" | "spot" | "parallel" | "rectangle" | "disc" | "sphere" | "line" |
+    "environment", ... }`.
 
     A light, or one with extent: what `ds.Scene` takes.
     A light that `asks_for_fit` gets f = 1, where the fit of the constants starts.
@@ -65,7 +66,7 @@ def read_light(table: Table) -> Any:
     from diffshade.light.point import PointLight
     from diffshade.light.spot import SpotLight
 
-    match table.choice("kind", ("point", "spot", "parallel", *_EXTENDED)):
+    match table.choice("kind", ("point", "spot", "parallel", "environment", *_EXTENDED)):
         case "point":
             table.expect(("kind", "position", "intensity"), ("attenuation",))
             attenuation = _attenuation_of(table)
@@ -91,6 +92,10 @@ def read_light(table: Table) -> Any:
             towards = _direction(table, "direction", "the direction from the surface to the light")
             with table.naming():
                 return ParallelLight(towards, table.per_channel("intensity"))
+        case "environment":
+            from diffshade.io.environment_table import read_environment
+
+            return read_environment(table)
         case kind:
             return _extended(table, kind)
 

@@ -6,20 +6,21 @@ coefficients tell to about a hundredth; a shiny one mirrors L, blurred by its lo
 """
 
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 from math import pi, sqrt
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
 from diffshade.arrays import ArrayLike, floats
-from diffshade.channels import Channels
+from diffshade.channels import Channels, channels, plus, times
 from diffshade.errors import BadInput
-from diffshade.harmonics import bands, harmonics, order_of
+from diffshade.harmonics import bands, order_of, spherical_harmonics
 from diffshade.light.base import AbstractLight
 from diffshade.light.parallel import ParallelLight
 from diffshade.vector import Vec3
@@ -120,28 +121,25 @@ class EnvironmentLight(AbstractLight):
     def radiance(self, direction: ArrayLike) -> Float[Array, "... C"]:
         """L(w) [..., C or 1] in unit directions w [..., 3], times the intensity: as a background."""
         w = Vec3.from_array(floats("the direction")(direction))
-        planes = [sum(channel) for channel in zip(*self.seen_in(w), strict=True)]
-        return jnp.stack(planes, axis=-1) * self.intensity
+        planes = reduce(plus, self.seen_in(w))
+        return jnp.stack(times(planes, channels(self.intensity)), axis=-1)
 
     def irradiance(self, n: Vec3) -> Channels:
         """E(n) of an intensity of 1, from the degrees up to 2 that there are (2001, equation 11)."""
         x, y, z = n.x, n.y, n.z
-        shapes: Any = (
-            (jnp.ones_like(x),),
-            (y, z, x),
-            (x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y),
-        )
-        lowest = [
+        shapes: list[tuple[Any, ...]] = [(jnp.ones_like(x),)]
+        if self.order >= 1:
+            shapes.append((y, z, x))
+        if self.order >= 2:
+            shapes.append((x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y))
+        weighed = [
             (a * factor, shape)
-            for l, a in enumerate(COSINE[: self.order + 1])
-            for factor, shape in zip(LOWEST[l], shapes[l], strict=True)
+            for a, factors, degree in zip(COSINE, LOWEST, shapes, strict=False)
+            for factor, shape in zip(factors, degree, strict=True)
         ]
         return tuple(
-            reduce(
-                jnp.add,
-                (factor * c * shape for (factor, shape), c in zip(lowest, channel, strict=True)),
-            )
-            for channel in self._rows[: len(lowest)].T
+            reduce(jnp.add, (a * c * y for (a, y), c in zip(weighed, channel, strict=True)))
+            for channel in self._rows[: len(weighed)].T
         )
 
     def seen_in(self, direction: Vec3) -> tuple[Channels, ...]:
@@ -180,6 +178,7 @@ class EnvironmentLight(AbstractLight):
         return self.harmonics[:, None] if self.harmonics.ndim == 1 else self.harmonics
 
 
+@partial(jax.jit, static_argnums=1)
 def _projected(image: Float[Array, "H W *C"], order: int) -> Float[Array, "K *C"]:
     """The integrals of image times Y_lm, row by row."""
     height, width = image.shape[:2]
@@ -195,7 +194,7 @@ def _projected(image: Float[Array, "H W *C"], order: int) -> Float[Array, "K *C"
         (ring, height, angle), radiance = row
         w = Vec3(ring * right, jnp.broadcast_to(height, right.shape), ring * ahead)
         return total + jnp.tensordot(
-            angle * harmonics(w, order), radiance, 1, precision=lax.Precision.HIGHEST
+            angle * spherical_harmonics(w, order), radiance, 1, precision=lax.Precision.HIGHEST
         ), None
 
     start = jnp.zeros(((order + 1) ** 2, *image.shape[2:]), image.dtype)

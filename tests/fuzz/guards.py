@@ -255,6 +255,13 @@ GUARDS = (
         ("tests/light/test_attenuation.py::test_a_window_ends_smoothly_at_the_reach",),
     ),
     Guard(
+        "an environment: no direction",
+        "shading/prefiltered.py",
+        "jnp.where(nowhere, 0, plane)",
+        "plane",
+        ("tests/shading/test_prefiltered.py::test_nothing_is_lit_that_has_no_normal_or_no_view",),
+    ),
+    Guard(
         "lobes: light behind",
         REFLECTANCE + "lobe.py",
         "(n_dot_l <= 0) | (dot(b, b) == 0)",

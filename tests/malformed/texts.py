@@ -35,12 +35,13 @@ file = "b.png"
 lights = [{ kind = "parallel", direction = [0.2, 0.0, 1.0], intensity = 1.0 }]
 """
 
-SCENE_TEXT = """schema = "diffshade.scene/1"
+LAMP = 'kind = "parallel", direction = [0, 0, 1], intensity = [1.0, 0.9, 0.8]'
+SCENE_TEXT = f"""schema = "diffshade.scene/1"
 ambient = 0.1
 shading = "phong"
-lights = [{ kind = "parallel", direction = [0, 0, 1], intensity = [1.0, 0.9, 0.8] }]
-geometry = { kind = "normals", file = "n.npy" }
-camera = { kind = "orthographic", width = 5, height = 4, extent = 2.2 }
+lights = [{{ {LAMP} }}]
+geometry = {{ kind = "normals", file = "n.npy" }}
+camera = {{ kind = "orthographic", width = 5, height = 4, extent = 2.2 }}
 [material]
 kd = [0.6, 0.3, 0.2]
 [[material.specular]]
@@ -244,6 +245,23 @@ def of_scene() -> Iterator[Case]:
             'kind = "point", position = [0, 0, 9]',
         ),
         ("wrong type", "a file of another kind"): ('"n.npy"', '"scene.toml"'),
+        ("wrong type", "an environment that is no image"): (
+            LAMP,
+            'kind = "environment", file = "scene.toml", order = 1',
+        ),
+        ("missing key", "an environment of no order"): (
+            LAMP,
+            'kind = "environment", file = "a.exr"',
+        ),
+        ("absurd header", "an environment of order 10^9"): (
+            LAMP,
+            f'kind = "environment", file = "a.exr", order = {10**9}',
+        ),
+        ("wrong shape", "eight harmonics"): (
+            LAMP,
+            f'kind = "environment", harmonics = {[1] * 8}',
+        ),
+        ("NaN", "a harmonic"): (LAMP, 'kind = "environment", harmonics = [nan]'),
     }
     for (kind, name), (old, new) in changes.items():
         yield replaced(SCENE, kind, name, old, new)

@@ -134,6 +134,23 @@ def test_normals_alone_are_enough_for_parallel_lights() -> None:
         ds.render(gbuffer, ds.Scene(lights=ds.PointLight((0, 0, 1))), ds.Material(kd=0.5))
 
 
+def test_no_loop_without_an_environment_and_none_without_a_lobe() -> None:
+    point = ds.Scene(lights=ATTENUATED)
+    around = ds.Scene(lights=(ATTENUATED, ds.EnvironmentLight(np.ones(25))))
+    dull = ds.Material(kd=0.5)
+
+    def matrices(scene: ds.Scene, material: ds.Material) -> int:
+        return planes(scene, material)["dot_general"]
+
+    assert matrices(point, FULL) == matrices(around, dull) == 0
+    assert matrices(around, FULL) == 1
+    # max(0, n.l) without n.l: E(n) is a polynomial, with what is dark taken out
+    more = planes(around, dull) - planes(point, dull)
+    assert set(more) <= {"mul", "add", "sub", "eq", "select_n", "convert_element_type"}
+    low = planes(ds.Scene(lights=ds.EnvironmentLight(np.ones(1))), dull)
+    assert total(low) < 0.5 * total(more)
+
+
 def test_no_object_colour() -> None:
     scene = ds.Scene(lights=ATTENUATED)
     plain = planes(scene, ds.Material(kd=(0.5, 0.5, 0.5)))
