@@ -111,7 +111,7 @@ class _Table(NamedTuple):
 def _table(order: int) -> _Table:
     size = order + 1
     a, ab, start = np.zeros((3, size, size))
-    number_at = np.full((size, 2 * size), size * size)
+    number_at = np.full((size, 2 * size), size * size, np.int32)
     odd_over_even = 1.0
     for m in range(size):
         if m:
@@ -125,5 +125,5 @@ def _table(order: int) -> _Table:
             a[l, m] = np.sqrt((4 * l * l - 1) / (l * l - m * m))
             ab[l, m] = a[l, m] * np.sqrt(((l - 1) ** 2 - m * m) / (4 * (l - 1) ** 2 - 1 or 1))
     flat = number_at.ravel()
-    place_of = np.argsort(flat, kind="stable")[: size * size]
+    place_of = np.argsort(flat, kind="stable")[: size * size].astype(np.int32)
     return _Table(a, ab, start, place_of, number_at)
