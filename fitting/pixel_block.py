@@ -181,8 +181,7 @@ def _problem(
     if material.kd is not None:
         count = max(len(term) for term in diffuse)
         plain.append(tuple(sum(p[1:], p[0]) for p in _by_plane(diffuse, count)))
-    around_all = [band for slot_bands in bands for band in slot_bands]
-    count = max(len(term) for term in (*plain, *specular, *around_all))
+    count = max(len(term) for term in (*plain, *specular, *(x for own in bands for x in own)))
     channel_count = len(chunk.observed)
     if count not in (1, channel_count):
         raise BadInput(

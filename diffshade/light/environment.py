@@ -21,7 +21,7 @@ from diffshade.arrays import ArrayLike, floats
 from diffshade.channels import Channels, channels, plus, times
 from diffshade.errors import BadInput
 from diffshade.harmonics import bands, order_of, spherical_harmonics
-from diffshade.light.base import AbstractLight
+from diffshade.light.base import AbstractLight, share
 from diffshade.light.parallel import ParallelLight
 from diffshade.vector import Vec3
 
@@ -55,7 +55,8 @@ class EnvironmentLight(AbstractLight):
     L(w) max(0, r.w)^n, r where the viewer is mirrored to (`Phong.filtered`), of all degrees. The gate
     n.w > 0 of other lights is dropped, as in every pre-filtered map: light from below the horizon
     shows at grazing angles. Other lobes, weighted lobes and bodies have no such form and are refused:
-    light them by `as_lights`. How high a degree a lobe can tell, `ds.resolved` says.
+    light them by `as_lights`. How high a degree a lobe can tell, `ds.resolved` says. `visible` is a
+    factor on both terms, as ambient occlusion is; shadows by rays are cast by the `as_lights`.
 
     Nothing is lit where a normal is zero; elsewhere smooth. Raises `BadInput` for harmonics of another
     number.
@@ -68,6 +69,7 @@ class EnvironmentLight(AbstractLight):
     intensity: Float[Array, "..."] = eqx.field(
         converter=floats("the environment's intensity"), default=1.0
     )
+    visible: Float[Array, "..."] | None = eqx.field(converter=share, default=None, kw_only=True)
 
     def __check_init__(self) -> None:
         shape = self.harmonics.shape

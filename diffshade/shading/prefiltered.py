@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from diffshade.channels import Channels
+from diffshade.channels import Channels, times
 from diffshade.errors import BadInput
 from diffshade.light.environment import EnvironmentLight
 from diffshade.reflectance.body import FresnelBody
@@ -38,10 +38,13 @@ def prefiltered(light: EnvironmentLight, n: Vec3, v: Vec3 | None) -> Prefiltered
     """What arrives at the normals n, seen from v; dark where there is no normal, or no v."""
     nowhere = dot(n, n) == 0
     irradiance = _dark(nowhere, light.irradiance(n))
-    if v is None:
-        return Prefiltered(irradiance, ())
-    unseen = nowhere | (dot(v, v) == 0)
-    return Prefiltered(irradiance, _dark(unseen, light.seen_in(reflect(v, n))))
+    bands: tuple[Channels, ...] = ()
+    if v is not None:
+        bands = _dark(nowhere | (dot(v, v) == 0), light.seen_in(reflect(v, n)))
+    if light.visible is None:
+        return Prefiltered(irradiance, bands)
+    share = (light.visible,)
+    return Prefiltered(times(share, irradiance), tuple(times(share, band) for band in bands))
 
 
 def unlit_around(seen: Prefiltered, material: Material) -> LightSums:

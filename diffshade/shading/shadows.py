@@ -23,6 +23,7 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.geometry.surface import AbstractSurface
 from diffshade.light.base import AbstractLight
 from diffshade.light.distributed import AbstractEmitter
+from diffshade.light.environment import EnvironmentLight
 from diffshade.light.parallel import ParallelLight
 from diffshade.light.point import AbstractPointLight
 
@@ -123,6 +124,11 @@ def _rays(
         to = np.broadcast_to(np.asarray(light.direction, np.float64), points.shape)
     elif isinstance(light, AbstractPointLight):
         to = np.asarray(light.position, np.float64) - points
+    elif isinstance(light, EnvironmentLight):
+        raise BadInput(
+            "an EnvironmentLight has no ray that a surface could hide: give ds.shadowed its"
+            " as_lights(samples)"
+        )
     else:
         raise BadInput(f"a light is {light!r}: give lights, such as ds.PointLight")
     length = np.sqrt((to * to).sum(axis=1))

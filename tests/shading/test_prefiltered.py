@@ -229,6 +229,16 @@ def test_what_asks_for_rays_is_refused(material: Callable[[], ds.Material], part
             ds.resolved(light, GBUFFER, material(), 0.1)
 
 
+def test_what_is_visible_is_a_factor(tolerance: float) -> None:
+    light, material = smooth(2), ds.Material(kd=0.5, specular=ds.Phong(0.3, 8.0))
+    share = np.linspace(0, 1, len(N)).astype(GBUFFER.normal.x.dtype)
+    hidden = ds.EnvironmentLight(light.harmonics, visible=share)
+    expected = share[:, None] * seen(light, material)
+    np.testing.assert_allclose(seen(hidden, material), expected, atol=30 * tolerance)
+    with pytest.raises(BadInput, match=r"no ray that a surface could hide: give .* as_lights"):
+        ds.shadowed(light, GBUFFER, ds.Sphere())
+
+
 def test_normals_are_enough(tolerance: float) -> None:
     flat = ds.GBuffer.from_arrays(None, np.tile(V, (2, 2, 1)))
     light = smooth(2)
