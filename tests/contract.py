@@ -254,7 +254,9 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("vector.versine",): of_vectors(vector.versine),
     ("vector.unit",): of_vectors(vector.unit, 1),
     # Harmonics
-    ("harmonics.spherical_harmonics", "harmonics.bands"): Contract(strategies.vectors, of_sphere),
+    ("harmonics.spherical_harmonics", "harmonics.each_harmonic", "harmonics.bands"): Contract(
+        strategies.vectors, of_sphere
+    ),
     # Normals
     ("normals.face_normals",): of_corners(normals.face_normals),
     ("normals.plane_normals",): of_corners(normals.plane_normals),

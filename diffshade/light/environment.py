@@ -6,12 +6,11 @@ coefficients tell to about a hundredth; a shiny one mirrors L, blurred by its lo
 """
 
 from dataclasses import replace
-from functools import partial, reduce
+from functools import reduce
 from math import pi, sqrt
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -20,7 +19,7 @@ from jaxtyping import Array, Float
 from diffshade.arrays import ArrayLike, floats
 from diffshade.channels import Channels, channels, plus, times
 from diffshade.errors import BadInput
-from diffshade.harmonics import bands, order_of, spherical_harmonics
+from diffshade.harmonics import bands, each_harmonic, order_of
 from diffshade.light.base import AbstractLight, share
 from diffshade.light.parallel import ParallelLight
 from diffshade.vector import Vec3
@@ -180,24 +179,22 @@ class EnvironmentLight(AbstractLight):
         return self.harmonics[:, None] if self.harmonics.ndim == 1 else self.harmonics
 
 
-@partial(jax.jit, static_argnums=1)
 def _projected(image: Float[Array, "H W *C"], order: int) -> Float[Array, "K *C"]:
-    """The integrals of image times Y_lm, row by row."""
+    """The integrals of image times Y_lm, one after the other."""
     height, width = image.shape[:2]
-    edges = np.cos(np.linspace(0, pi, height + 1))
-    latitude = (np.arange(height) + 0.5) * pi / height
-    longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * pi
-    rows = np.stack(
-        [np.sin(latitude), np.cos(latitude), (edges[:-1] - edges[1:]) * 2 * pi / width], 1
+    latitude = (pi * (0.5 - (np.arange(height) + 0.5) / height))[:, None]
+    longitude = (pi * (2 * (np.arange(width) + 0.5) / width - 1))[None]
+    edges = np.sin(pi * (0.5 - np.arange(height + 1) / height))
+    angle = ((edges[:-1] - edges[1:]) * 2 * pi / width)[:, None]
+    w = (
+        np.cos(latitude) * np.sin(longitude),
+        np.sin(latitude) + 0 * longitude,
+        -np.cos(latitude) * np.cos(longitude),
     )
-    right, ahead = (jnp.asarray(x, image.dtype) for x in (np.sin(longitude), -np.cos(longitude)))
-
-    def add_row(total: Array, row: tuple[Array, Array]) -> tuple[Array, None]:
-        (ring, height, angle), radiance = row
-        w = Vec3(ring * right, jnp.broadcast_to(height, right.shape), ring * ahead)
-        return total + jnp.tensordot(
-            angle * spherical_harmonics(w, order), radiance, 1, precision=lax.Precision.HIGHEST
-        ), None
-
-    start = jnp.zeros(((order + 1) ** 2, *image.shape[2:]), image.dtype)
-    return lax.scan(add_row, start, (jnp.asarray(rows, image.dtype), image))[0]
+    arriving = jnp.asarray(angle[..., None], image.dtype) * image.reshape(height, width, -1)
+    integrals = {
+        number: jnp.tensordot(y, arriving, 2, precision=lax.Precision.HIGHEST)
+        for number, y in each_harmonic(Vec3(*(jnp.asarray(x, image.dtype) for x in w)), order)
+    }
+    rows = jnp.stack([integrals[number] for number in range(len(integrals))])
+    return rows.reshape(-1, *image.shape[2:])

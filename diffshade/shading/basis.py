@@ -21,7 +21,6 @@ from diffshade.errors import BadInput
 from diffshade.fusion import Led, kept, packed
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.base import AbstractLight
-from diffshade.light.environment import EnvironmentLight
 from diffshade.light.visible import check_visible
 from diffshade.reflectance.material import Material, with_padded_maps
 from diffshade.scene import Scene
@@ -116,23 +115,10 @@ def terms(
         def term(lights: Sequence[Lit]) -> LightSums:
             return few(gbuffer, lights, material, view)
 
-        lights = [_known_first(gbuffer, one, material, view) for one in lights]
         dimmest = None if tolerance is None else _dimmest(gbuffer, material, tolerance)
         sums = sum_over_lights(term, lights, dimmest)
         sums = sums if gbuffer.spread is None else jax.tree.map(gbuffer.spread, sums)
     return of_light_sums(sums, ambient, material)
-
-
-def _known_first(
-    gbuffer: GBuffer, light: Lit | Many, material: Material, view: Vec3 | None
-) -> Lit | Many:
-    """An environment's integrals, which are a loop of their own, once for all that is packed of them."""
-    if isinstance(light, Many) or not isinstance(light[0], EnvironmentLight):
-        return light
-    one, seen = light
-    if seen is None:
-        seen = angles(gbuffer, one, material.specular, material.body, view)
-    return one, seen
 
 
 def _dimmest(gbuffer: GBuffer, material: Material, tolerance: Float[Array, ""]) -> Dimmest:

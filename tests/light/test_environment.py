@@ -61,18 +61,6 @@ def test_the_bands_are_sums_over_the_basis(tolerance: float) -> None:
         np.testing.assert_allclose(degree, c[own].T @ y[own], atol=100 * tolerance)
 
 
-def test_the_program_does_not_grow_with_the_order() -> None:
-    def size(order: int) -> int:
-        def f(w: Vec3, c: jax.Array) -> object:
-            return bands(w, c)[0]
-
-        program = jax.make_jaxpr(f)(vec(directions(4)), jnp.zeros(((order + 1) ** 2, 1)))
-        (loop,) = (e for e in program.jaxpr.eqns if e.primitive.name == "scan")
-        return len(loop.params["jaxpr"].jaxpr.eqns)
-
-    assert size(20) == size(2)
-
-
 def test_grace_cathedral_as_published(tolerance: float) -> None:
     """E(n) = n' M n of homogeneous n, with the paper's five constants of six digits (equation 12)."""
     c1, c2, c3, c4, c5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708

@@ -134,21 +134,27 @@ def test_normals_alone_are_enough_for_parallel_lights() -> None:
         ds.render(gbuffer, ds.Scene(lights=ds.PointLight((0, 0, 1))), ds.Material(kd=0.5))
 
 
-def test_no_loop_without_an_environment_and_none_without_a_lobe() -> None:
-    point = ds.Scene(lights=ATTENUATED)
-    around = ds.Scene(lights=(ATTENUATED, ds.EnvironmentLight(np.ones(25))))
-    dull = ds.Material(kd=0.5)
+def test_of_an_environment_only_the_degrees_that_there_are() -> None:
+    dull, point = ds.Material(kd=0.5), ds.Scene(lights=ATTENUATED)
 
-    def matrices(scene: ds.Scene, material: ds.Material) -> int:
-        return planes(scene, material)["dot_general"]
+    def around(order: int, material: ds.Material) -> Counter[str]:
+        light = ds.EnvironmentLight(np.ones((order + 1) ** 2))
+        return planes(ds.Scene(lights=light), material)
 
-    assert matrices(point, FULL) == matrices(around, dull) == 0
-    assert matrices(around, FULL) == 1
-    # max(0, n.l) without n.l: E(n) is a polynomial, with what is dark taken out
-    more = planes(around, dull) - planes(point, dull)
-    assert set(more) <= {"mul", "add", "sub", "eq", "select_n", "convert_element_type"}
-    low = planes(ds.Scene(lights=ds.EnvironmentLight(np.ones(1))), dull)
-    assert total(low) < 0.5 * total(more)
+    def more(order: int, material: ds.Material) -> Counter[str]:
+        light = ds.EnvironmentLight(np.ones((order + 1) ** 2))
+        return planes(ds.Scene(lights=(ATTENUATED, light)), material) - planes(point, material)
+
+    arithmetic = {"mul", "add", "sub"}
+    # E(n) is a polynomial, without n.l, and dark where there is no normal
+    assert set(more(4, dull)) <= arithmetic | {"eq", "select_n"}
+    assert around(4, dull) == around(2, dull)  # it has no degree above 2
+    assert total(around(0, dull)) < total(around(1, dull)) < total(around(2, dull))
+    # and so is a lobe, without its logarithm
+    assert set(more(4, FULL)) <= arithmetic | {"eq", "select_n", "or"}
+    lobes = [total(around(order, FULL)) for order in (2, 3, 4)]
+    assert lobes == sorted(lobes)
+    assert around(4, FULL)["exp"] == around(4, FULL)["log"] == 0
 
 
 def test_no_object_colour() -> None:
