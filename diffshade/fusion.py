@@ -22,8 +22,9 @@ between it and the arrays that it reads. Within a loop nothing costs memory. But
       jax.jit(step, compiler_options=ds.compiler_options())
 
 - A search is a program of hundreds of small kernels, whose compilation takes a thousand times as long
-  as its run. `search_options` asks for XLA's older way of writing kernels, while it has one (before
-  0.12): such a program compiles in half the time, and small linear systems run up to five times as fast.
+  as its run. `search_options` asks for XLA's older way of writing kernels, while it has one (before JAX
+  0.11.1): such a program compiles in half the time, and small linear systems run up to five times as
+  fast.
 - Pages (`pages`) keep in the cache what is stored; planes, not [..., 3] arrays: see `vector`; many
   lights in chunks: see `shading.lights`.
 
@@ -85,8 +86,8 @@ def compiler_options() -> Options:
 
 def search_options() -> Options:
     """Those that suit a program of many small parts, as a search over coefficients is."""
-    version = tuple(int(part) for part in jaxlib.__version__.split(".")[:2])
-    older = is_led() and version < (0, 12)
+    version = tuple(int(part) for part in jaxlib.__version__.split(".")[:3])
+    older = is_led() and version < (0, 11, 1)
     return compiler_options() | ({"xla_cpu_use_fusion_emitters": False} if older else {})
 
 

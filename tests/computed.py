@@ -103,13 +103,18 @@ def glowing(kind: str, case: dict[str, Any]) -> Any:
     return emitters[kind]()
 
 
-def material(case: dict[str, Any], *lobes: type[Any]) -> ds.Material:
+def material(case: dict[str, Any], *lobes: Callable[..., Any]) -> ds.Material:
     """Everything that a material can have."""
     specular = tuple(lobe(case["ks"], case["shininess"]) for lobe in lobes)
     return ds.Material(case["ka"], case["kd"], specular, case["od"], case["os"])
 
 
-def shaded(light: Callable[..., Any], *lobes: type[Any], eye: bool = True) -> Contract:
+def under_glass(ks: Any, shininess: Any) -> ds.BlinnPhong:
+    """A lobe with a weight, whose numbers have the precision in which it is made."""
+    return ds.BlinnPhong(ks, shininess, weight=ds.Dielectric(1.3))
+
+
+def shaded(light: Callable[..., Any], *lobes: Callable[..., Any], eye: bool = True) -> Contract:
     """The radiance of a point under a light."""
 
     def of(case: dict[str, Any]) -> Any:

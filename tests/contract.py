@@ -57,6 +57,7 @@ from computed import (
     spot_light,
     temperatures,
     triangles,
+    under_glass,
 )
 from jax.flatten_util import ravel_pytree
 from strategies import Cases
@@ -197,7 +198,7 @@ CONTRACT: dict[tuple[str, ...], Contract] = {
     ("PointLight",): shaded(point_light, ds.Phong, eye=False),
     ("ParallelLight",): shaded(parallel_light, ds.Phong),
     ("Phong",): shaded(quadratic, ds.Phong),
-    ("BlinnPhong",): shaded(quadratic, partial(ds.BlinnPhong, weight=ds.Dielectric(1.3))),
+    ("BlinnPhong",): shaded(quadratic, under_glass),
     ("Material",): shaded(parallel_light, ds.Phong, ds.BlinnPhong, eye=False),
     ("SpotLight",): shaded(spot_light, ds.Phong),
     ("EnvironmentLight",): shaded(sky, ds.Phong),
