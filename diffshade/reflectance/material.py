@@ -98,4 +98,6 @@ def check_slots(materials: Sequence[Material], slot: Int[Array, "P"]) -> None:
 
 def with_padded_maps(material: Materials) -> Materials:
     """A material, or one a slot, with its maps padded to their bucket."""
+    if all(x.ndim != 2 for x in jax.tree.leaves(material)):
+        return material
     return jax.tree.map(lambda x: pad(x) if x.ndim == 2 else x, material)
