@@ -2,10 +2,11 @@
 
 Exit status: 0 done; 1 ran but did not converge; 2 wrong usage; 3 bad input, with one line on standard
 error that names the file, what is wrong and what to do; 69 a process of several was lost; 70 an error
-of this program; 130 and 141 interrupted, or its reader gone.
+of this program; 130 interrupted, with one line and every written file whole; 141 its reader gone.
 """
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -25,20 +26,40 @@ def main() -> int:
     """The program `diffshade`; returns its exit status."""
     cache_programs()
     warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
+    interrupts = _interrupts()
     try:
         return run(sys.argv[1:])
     except KeyboardInterrupt:
-        return 130
+        return _interrupted()
     except (
         BrokenPipeError
     ):  # who read the output has gone; nor can Python's own last flush reach it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception:
+        if interrupts:  # what was interrupted said so in its own way
+            return _interrupted()
         import traceback
 
         traceback.print_exc()
         return 70
+
+
+def _interrupts() -> list[int]:
+    """Grows with every interrupt (Ctrl-C), which raises KeyboardInterrupt as it did."""
+    received: list[int] = []
+
+    def receive(number: int, frame: Any) -> None:
+        received.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, receive)
+    return received
+
+
+def _interrupted() -> int:
+    note("interrupted; every file that is there is whole")
+    return 130
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -16,12 +16,12 @@ import numpy as np
 
 from diffshade.errors import BadInput
 from diffshade.io.atomic import TEMPORARY, replacing
+from diffshade.progress import Progress
 
 __all__ = ["Arrays", "Folder", "Progress", "fingerprint", "in_blocks"]
 
 Arrays = dict[str, np.ndarray]
 Folder = str | os.PathLike[str]
-Progress = Callable[[int, int], object]
 
 SCHEMA = "diffshade.blocks/1"
 INDEX = "blocks.json"

@@ -11,6 +11,7 @@ from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.attenuation import AbstractAttenuation
+from diffshade.progress import Progress, telling
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.estimate import fit
@@ -44,6 +45,7 @@ def compare(
     attenuations: Sequence[type[AbstractAttenuation] | None] = (None,),
     *,
     materials: Sequence[Material | str | None] = (None,),
+    progress: Progress | None = None,
     **options: Any,
 ) -> tuple[Comparison, ...]:
     """Fit every law of attenuation with every material, and rank them; the best is first.
@@ -51,7 +53,8 @@ def compare(
     `attenuations` are as `fit` takes them: None for the scene's, or types such as
     `ds.LinearAttenuation`. `materials` are models of reflectance, each with its terms and lobes; None is
     the default, and a name one of `fitting.MODELS`, with its bounds: "phong", "blinn-phong", "lambert",
-    "phong2", "ggx", "plastic" or "plastic2". All `options` are those of `fit`. For independent normal
+    "phong2", "ggx", "plastic" or "plastic2". `progress` is called after each fit. All `options` are those
+    of `fit`. For independent normal
     noise of one unknown variance
 
         log L = -n/2 (log(2 pi |r|^2 / n) + 1),   BIC = m log n - 2 log L,
@@ -78,7 +81,7 @@ def compare(
     rows = []
     given = [scenes] if isinstance(scenes, Scene) else scenes
     ambient = any(scene.ambient is not None for scene in given)
-    for model, law in models:
+    for model, law in telling(models, len(models), progress):
         own = options
         if isinstance(model, str):
             material: Material | None = named_material(model, ambient=ambient)

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from diffshade.arrays import ArrayLike
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.progress import Progress, telling
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from diffshade.shading.render import render
@@ -44,11 +45,12 @@ def evaluate(
     scenes: Scene | Sequence[Scene],
     *,
     valid: ArrayLike | Sequence[ArrayLike] | None = None,
+    progress: Progress | None = None,
 ) -> Evaluation:
     """How well a material predicts images of known surfaces under known lights.
 
     The arguments are those of `fit`, and so are the errors raised. The norms run over all valid
-    foreground pixels and all channels.
+    foreground pixels and all channels. `progress` is called after each image.
 
     >>> import diffshade as ds
     >>> g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(16, 16, 2.2))
@@ -56,7 +58,7 @@ def evaluate(
     >>> evaluate(material, ds.render(g, scene, material), g, scene).relative_residual
     0.0
     """
-    return measure(material, match(images, gbuffer, scenes, valid))
+    return measure(material, match(images, gbuffer, scenes, valid), progress)
 
 
 def evaluation(
@@ -76,10 +78,12 @@ def evaluation(
     )
 
 
-def measure(material: Material, photographs: Sequence[Photograph]) -> Evaluation:
+def measure(
+    material: Material, photographs: Sequence[Photograph], progress: Progress | None = None
+) -> Evaluation:
     """Render every photograph's scene with a material, and measure what differs."""
     left, squares = [], []
-    for photograph in photographs:
+    for photograph in telling(photographs, len(photographs), progress):
         photograph.check()
         used = photograph.unclipped
         predicted = render(photograph.gbuffer, photograph.scene, material)

@@ -13,6 +13,7 @@ ARRAYS = ("jax", "jaxlib", "numpy", "equinox", "jaxtyping")
 FILES = ("scipy", "trimesh", "embreex", "imageio", "imagecodecs", "OpenEXR", "rawpy", "PIL")
 SOLVERS = ("optimistix", "lineax")
 OTHERS = ("matplotlib", "IPython", "beartype", "colour", "torch", "drjit", "lmfit", "optax")
+OTHERS += ("tqdm",)
 
 
 def imported(code: str, *names: str) -> set[str]:

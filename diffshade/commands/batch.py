@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from diffshade.commands.console import WrongUsage, note, show
+from diffshade.commands.console import WrongUsage, note, said, show
 from diffshade.errors import BadInput
+from diffshade.progress import bar, telling
 
 __all__ = ["Shard", "fit_batch"]
 
@@ -36,17 +38,19 @@ def fit_batch(
     share, shares = shard
     names = _names(paths)
     fits: list[dict[str, Any]] = []
-    for path, name in list(zip(paths, names, strict=True))[share - 1 :: shares]:
-        entry: dict[str, Any] = {"capture": str(path), "name": name, "error": None, "fit": None}
-        try:
-            fitted, report = fit_into(None if out is None else out / name, path, **options)
-            entry |= {"status": fitted.status, "fit": fitted.document}
-            if not as_json:
-                print(f"{path}\n\n{report}\n", flush=True)
-        except BadInput as error:
-            note(f"{error}")
-            entry |= {"status": 3, "error": str(error)}
-        fits.append(entry)
+    chosen = list(zip(paths, names, strict=True))[share - 1 :: shares]
+    with bar("fitting captures") as progress:
+        for path, name in telling(chosen, len(chosen), progress):
+            entry: dict[str, Any] = {"capture": str(path), "name": name, "error": None, "fit": None}
+            try:
+                fitted, report = fit_into(None if out is None else out / name, path, **options)
+                entry |= {"status": fitted.status, "fit": fitted.document}
+                if not as_json:
+                    said(f"{path}\n\n{report}\n", sys.stdout)
+            except BadInput as error:
+                note(f"{error}")
+                entry |= {"status": 3, "error": str(error)}
+            fits.append(entry)
     status = max((entry["status"] for entry in fits), default=0)
     told = Counter(entry["status"] for entry in fits)
     summary = f"{len(fits)} of {len(paths)} captures: {told[0]} fitted"

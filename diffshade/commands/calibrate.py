@@ -6,8 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from diffshade.commands.console import WrongUsage, note, progress, show
+from diffshade.commands.console import WrongUsage, note, show
 from diffshade.errors import naming
+from diffshade.progress import bar
 
 __all__ = ["calibrate", "calibrate_folder"]
 
@@ -37,7 +38,6 @@ def calibrate_folder(
 
     `fov` is the vertical field of view in degrees.
     """
-    progress(f"reading {folder}")
     from diffshade.io.circle import Circle
     from diffshade.io.folder_geometry import read_mask_of
     from diffshade.io.image_files import image_files
@@ -47,13 +47,16 @@ def calibrate_folder(
         raise WrongUsage(f"--fov {fov:g}: give degrees between 0 and 180")
     names = image_files(folder, but=() if mask is None else (mask,))
     # Highlights are found by what is brightest, whatever the encoding: none needs to be stated.
-    photographs = read_photographs(folder, names, encoding="linear", allow_outside=allow_outside)
+    with bar(f"reading {folder}") as progress:
+        photographs = read_photographs(
+            folder, names, encoding="linear", allow_outside=allow_outside, progress=progress
+        )
     images = [photograph.encoded for photograph in photographs]
     inside = None if mask is None else read_mask_of(mask, folder / names[0], images[0].shape[:2])
     from fitting.calibrate.ball import mirror_ball
 
-    progress(f"looking for highlights in {len(images)} images")
-    with naming(folder if mask is None or circle is not None else mask):
+    outline = folder if mask is None or circle is not None else mask
+    with naming(outline), bar(f"looking for highlights in {len(images)} images"):
         ball = mirror_ball(
             images,
             mask=inside,

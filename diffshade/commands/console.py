@@ -1,31 +1,39 @@
-"""What the commands say: progress to a person at a terminal, results to standard output."""
+"""What the commands say: messages on standard error, results on standard output.
+
+Progress is drawn by `diffshade.progress`; what is said here goes above its bars.
+"""
 
 import json
 import sys
 from collections.abc import Mapping
-from typing import Any
+from typing import IO, Any
 
-__all__ = ["WrongUsage", "note", "progress", "show", "to_text"]
+__all__ = ["WrongUsage", "note", "said", "show", "to_text"]
 
 
 class WrongUsage(ValueError):
     """Options that contradict each other, or what the command can do; the message is one line."""
 
 
-def progress(message: str) -> None:
-    """Say what goes on, on standard error, if somebody watches."""
-    if sys.stderr.isatty():
-        print(message, file=sys.stderr, flush=True)
-
-
 def note(message: str) -> None:
     """Say what the user should know in one line, on standard error."""
-    print("diffshade:", *message.splitlines(), file=sys.stderr, flush=True)
+    said(" ".join(["diffshade:", *message.splitlines()]), sys.stderr)
 
 
 def show(document: Mapping[str, Any], report: str, *, as_json: bool) -> None:
     """Print a result on standard output: one JSON object, or the report for people."""
-    print(to_text(document) if as_json else report, flush=True)
+    said(to_text(document) if as_json else report, sys.stdout)
+
+
+def said(text: str, file: IO[str]) -> None:
+    """Print a text, above what bars of progress there are."""
+    if "tqdm" in sys.modules:  # it is imported where a bar is drawn
+        from tqdm import tqdm
+
+        tqdm.write(text, file=file)
+        file.flush()
+    else:
+        print(text, file=file, flush=True)
 
 
 def to_text(document: Mapping[str, Any]) -> str:

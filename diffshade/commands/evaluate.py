@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import progress, show
+from diffshade.commands.console import show
 from diffshade.errors import BadInput, naming
 from diffshade.io.json_document import read_json
+from diffshade.progress import bar
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -43,22 +44,26 @@ def evaluate_capture(
 
     Where the capture asks for attenuation constants to be fitted, the fit's are used.
     """
-    progress(f"reading {path}")
     import fitting
     from diffshade.io.read_capture import read_capture
     from fitting.gauge import with_attenuation
     from fitting.report import evaluation_to_json, material_from_json
 
     material, attenuation = material_from_json(read_json(fit_json, "a fit.json"))
-    capture = read_capture(path, **reading)
+    with bar(f"reading {path}") as progress:
+        capture = read_capture(path, **reading, progress=progress)
     _check(capture, path, material, attenuation, fit_json)
     scenes = capture.scenes
     if capture.fit_attenuation is not None and attenuation is not None:
         scenes = tuple(with_attenuation(scene, attenuation) for scene in scenes)
-    progress(f"predicting {len(capture.images)} images")
-    with naming(path):
+    with naming(path), bar("predicting images") as progress:
         found = fitting.evaluate(
-            material, capture.images, capture.gbuffer, scenes, valid=capture.valid
+            material,
+            capture.images,
+            capture.gbuffer,
+            scenes,
+            valid=capture.valid,
+            progress=progress,
         )
         return evaluation_to_json(found, capture)
 

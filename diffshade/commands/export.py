@@ -6,9 +6,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diffshade.commands.console import WrongUsage, progress, show
+from diffshade.commands.console import WrongUsage, show
 from diffshade.errors import naming
 from diffshade.io.json_document import read_json
+from diffshade.progress import bar
 
 if TYPE_CHECKING:
     from diffshade.export.document import Export
@@ -23,12 +24,11 @@ def export(fit_json: Path, *, to: str, out: Path, irradiance: float | None, as_j
     """Write a material and print its error over angles; returns the exit status."""
     if to == "mtl" and irradiance is not None:
         raise WrongUsage("--irradiance: an .mtl has k_d and k_s as they are; leave it out")
-    progress(f"reading {fit_json}")
     from diffshade.export.document import write
     from fitting.report import material_from_json
 
     material, attenuation = material_from_json(read_json(fit_json, "a fit.json"))
-    with naming(fit_json):
+    with naming(fit_json), bar("measuring over angles"):
         found = _made(material, to, out.stem, math.pi if irradiance is None else irradiance)
     write(out, found)
     notes = list(found.notes)

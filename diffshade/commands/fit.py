@@ -8,9 +8,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import WrongUsage, progress, show
+from diffshade.commands.console import WrongUsage, show
 from diffshade.commands.folder import check_folder, write_folder
 from diffshade.errors import BadInput, naming
+from diffshade.progress import bar
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -33,9 +34,9 @@ class Fitted:
 
     def write(self, folder: Path, document: Mapping[str, Any], report: str, title: str) -> None:
         """Write a folder of results; `title` is that of the page."""
-        progress(f"writing {folder}")
         scenes = tuple(self.fit.scene)
-        write_folder(folder, document, report, title, self.capture, self.fit.material, scenes)
+        with bar(f"writing {folder}"):
+            write_folder(folder, document, report, title, self.capture, self.fit.material, scenes)
 
     @property
     def status(self) -> int:
@@ -84,29 +85,32 @@ def fit_capture(
 ) -> Fitted:
     """Read a capture and fit it, on one device of JAX or on several."""
     started = perf_counter()
-    progress(f"reading {path}")
     import fitting
     from diffshade.io.read_capture import read_capture
     from fitting.named_models import MODELS, named_bounds, named_material
     from fitting.report import fit_to_json
 
-    capture = read_capture(
-        path, white=white, circle=circle, encoding=encoding, allow_outside=allow_outside
-    )
+    with bar(f"reading {path}") as progress:
+        capture = read_capture(
+            path,
+            white=white,
+            circle=circle,
+            encoding=encoding,
+            allow_outside=allow_outside,
+            progress=progress,
+        )
     if model == "auto" and hold:
         raise WrongUsage("--hold: names coefficients of one model; give --model too, not auto")
     if model == "auto" and refine_circle:
         raise WrongUsage("--refine-circle: is by one model's shading; give --model too, not auto")
     ambient = any(scene.ambient is not None for scene in capture.scenes)
     if refine_circle:
-        progress("refining the circle by the shading")
         from fitting.calibrate.refined_capture import with_refined_circle
 
         start = named_material(model, ambient=ambient)
-        with naming(path):
+        with naming(path), bar("refining the circle by the shading"):
             capture = with_refined_circle(capture, start, named_bounds(model))
     loaded = perf_counter()
-    progress(f"fitting {len(capture.images)} images: compiling, which is kept, then searching")
     observed = capture.images, capture.gbuffer, capture.scenes
     options: dict[str, Any] = {
         "robust": "tukey" if robust else None,
@@ -118,22 +122,25 @@ def fit_capture(
     compared: tuple[fitting.Comparison, ...] = ()
     with naming(path):
         if model == "auto":
-            progress(f"comparing {', '.join(MODELS)}")
             laws = (capture.fit_attenuation,)
-            compared = fitting.compare(*observed, laws, materials=tuple(MODELS), **options)
+            with bar("comparing models") as progress:
+                compared = fitting.compare(
+                    *observed, laws, materials=tuple(MODELS), progress=progress, **options
+                )
             found, model = compared[0].fit, compared[0].name
         if certify or not compared:
             material = named_material(model, ambient=ambient)
-            found = fitting.fit(
-                *observed,
-                material=_held(material, hold, capture.images[0].shape[2]),
-                attenuation=capture.fit_attenuation,
-                hold=[name for name, _ in hold],
-                bounds=named_bounds(model),
-                certify=certify,
-                profiles=certify,
-                **options,
-            )
+            with bar(f"fitting {len(capture.images)} images"):
+                found = fitting.fit(
+                    *observed,
+                    material=_held(material, hold, capture.images[0].shape[2]),
+                    attenuation=capture.fit_attenuation,
+                    hold=[name for name, _ in hold],
+                    bounds=named_bounds(model),
+                    certify=certify,
+                    profiles=certify,
+                    **options,
+                )
     seconds = {"load": loaded - started, "fit": perf_counter() - loaded}
     document = fit_to_json(found, capture, model=model, seconds=seconds)
     if compared:

@@ -21,7 +21,8 @@ from threading import Thread
 from time import monotonic
 from typing import IO, Any
 
-from diffshade.commands.console import WrongUsage, note, progress
+from diffshade.commands.console import WrongUsage, note
+from diffshade.progress import bar
 
 __all__ = ["LOST", "Team", "fit_together", "team_of"]
 
@@ -86,9 +87,9 @@ class _Lost(Exception):
 
 def fit_together(team: Team, command: Mapping[str, Any]) -> int:
     """`diffshade fit` with these options by all processes of a team; returns the exit status."""
-    progress(f"fitting by {team.count} processes, which meet at {team.coordinator}")
     events: Events = Queue()
-    with ExitStack() as running:
+    what = f"fitting by {team.count} processes, which meet at {team.coordinator}"
+    with bar(what), ExitStack() as running:
         errors = {i: running.enter_context(_running(team, i, command, events)) for i in team.here}
         try:
             last = _watched(team, events, errors)

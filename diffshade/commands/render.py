@@ -4,26 +4,27 @@ from pathlib import Path
 
 import numpy as np
 
-from diffshade.commands.console import note, progress
+from diffshade.commands.console import note
 from diffshade.errors import naming
+from diffshade.progress import bar
 
 __all__ = ["render"]
 
 
 def render(path: Path, *, out: Path, allow_outside: bool) -> int:
     """Render a scene into a file; returns the exit status."""
-    progress(f"reading {path}")
     from diffshade.io.image import write_image
     from diffshade.io.scene_toml import read_scene_toml
     from diffshade.shading.transparency import render_layers
 
-    file = read_scene_toml(path, allow_outside=allow_outside)
+    with bar(f"reading {path}"):
+        file = read_scene_toml(path, allow_outside=allow_outside)
+        layers = file.layers(path)
     for found in file.notes:
         note(found)
-    layers = file.layers(path)
     pixels = sum(gbuffer.pixel_count for (gbuffer,) in layers)
-    progress(f"rendering {pixels} pixels" + f" in {len(layers)} layers" * (len(layers) > 1))
-    with naming(path):
+    what = f"rendering {pixels} pixels" + f" in {len(layers)} layers" * (len(layers) > 1)
+    with naming(path), bar(what):
         scene = file.lit(layers[0][0])
         image = np.asarray(render_layers(layers, scene, [file.material], file.transparency))
     write_image(out, image)

@@ -6,9 +6,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import note, progress
+from diffshade.commands.console import note
 from diffshade.errors import naming
 from diffshade.io.json_document import read_json
+from diffshade.progress import bar
 
 if TYPE_CHECKING:
     from diffshade.light.attenuation import AbstractAttenuation
@@ -26,13 +27,11 @@ MARGIN = 1.1
 
 def view(path: Path, *, out: Path | None, allow_outside: bool) -> int:
     """Write the page, beside the file where `out` does not say; returns the exit status."""
-    progress(f"reading {path}")
     from diffshade.web.page import write_page
 
     shown = _of_fit(path) if path.suffix.lower() == ".json" else _of_scene(path, allow_outside)
     target = path.with_suffix(".html") if out is None else out
-    progress(f"writing {target}")
-    with naming(path):
+    with naming(path), bar(f"writing {target}"):
         write_page(target, shown)
     print(target, flush=True)
     return 0

@@ -28,6 +28,7 @@ from diffshade.io.toml_tables import (
     refuse_near_lights,
     view_through,
 )
+from diffshade.progress import Progress
 
 if TYPE_CHECKING:
     from diffshade.light.attenuation import AbstractAttenuation
@@ -43,6 +44,7 @@ def read_capture_toml(
     white: float | None = None,
     encoding: str | float | None = None,
     allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> Capture:
     """Read a `capture.toml`; options as `read_capture`. Raises `BadInput`."""
     from diffshade.scene import Scene
@@ -78,6 +80,7 @@ def read_capture_toml(
         encoding=stated if encoding is None else encoding,
         white=white,
         allow_outside=allow_outside,
+        progress=progress,
     )
     height, width, channels = photographs[0].encoded.shape
     channel_count(top, "ambient", channels)

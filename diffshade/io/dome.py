@@ -37,6 +37,7 @@ from diffshade.io.json_document import read_json
 from diffshade.io.photographs import read_photographs
 from diffshade.io.text_rows import direction
 from diffshade.io.toml_document import Table
+from diffshade.progress import Progress
 
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
@@ -74,6 +75,7 @@ def read_dome(
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
     allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> Capture:
     """Read the capture of a `.dome` file and the images beside it; options as `read_capture`.
 
@@ -87,7 +89,12 @@ def read_dome(
             " be one a light, all of one ending"
         )
     photographs = read_photographs(
-        path.parent, names, encoding=encoding, white=white, allow_outside=allow_outside
+        path.parent,
+        names,
+        encoding=encoding,
+        white=white,
+        allow_outside=allow_outside,
+        progress=progress,
     )
     height, width, channels = photographs[0].encoded.shape
     gbuffer, notes, outline = folder_geometry(

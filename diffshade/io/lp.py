@@ -22,6 +22,7 @@ from diffshade.io.folder_geometry import folder_geometry
 from diffshade.io.limits import check_size
 from diffshade.io.photographs import read_photographs
 from diffshade.io.text_rows import direction, lines, numbers
+from diffshade.progress import Progress
 
 __all__ = ["LightPositions", "parse_lp", "read_lp", "write_lp"]
 
@@ -41,11 +42,17 @@ def read_lp(
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
     allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> Capture:
     """Read the capture of an `.lp` file; options as `read_capture`. Raises `BadInput`."""
     images, directions, notes = parse_lp(path)
     photographs = read_photographs(
-        path.parent, images, encoding=encoding, white=white, allow_outside=allow_outside
+        path.parent,
+        images,
+        encoding=encoding,
+        white=white,
+        allow_outside=allow_outside,
+        progress=progress,
     )
     height, width = photographs[0].encoded.shape[:2]
     gbuffer, geometry_notes, outline = folder_geometry(

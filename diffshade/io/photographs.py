@@ -12,6 +12,7 @@ from diffshade.io import clipping
 from diffshade.io.contents import within
 from diffshade.io.encoding import Encoding, decode
 from diffshade.io.image import Image, read_image
+from diffshade.progress import Progress, telling
 
 __all__ = ["Photograph", "notes", "read_photographs", "size"]
 
@@ -53,18 +54,20 @@ def read_photographs(
     white: float | None = None,
     linear_by_convention: bool = False,
     allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> list[Photograph]:
     """Read image files of equal size, named relative to a folder, and in it unless `allow_outside`.
 
     `encoding` ("linear", "srgb" or a gamma) overrides what the files say. Without it, files that
     say nothing are refused or, with `linear_by_convention`, linear; display-referred files are
     sRGB or, with it, refused. `white` is the level at which the sensor clips: a part of full scale,
-    or a value in the units of a floating-point file. Raises `BadInput`.
+    or a value in the units of a floating-point file. `progress` is called after each image. Raises
+    `BadInput`.
     """
     if encoding is not None:
         decode(np.zeros(1), encoding)  # raises for what is not an encoding
     photographs: list[Photograph] = []
-    for name in names:
+    for name in telling(names, len(names), progress):
         path = within(folder, name, allow_outside=allow_outside)
         image = read_image(path, allow_nonfinite=True)
         if photographs and image.values.shape != photographs[0].encoded.shape:

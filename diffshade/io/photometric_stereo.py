@@ -23,6 +23,7 @@ from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import folder_geometry
 from diffshade.io.photographs import read_photographs
 from diffshade.io.text_rows import direction, lines, rows
+from diffshade.progress import Progress
 
 __all__ = ["FILES", "read_photometric_stereo"]
 
@@ -37,6 +38,7 @@ def read_photometric_stereo(
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
     allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> Capture:
     """Read a folder in this layout; options as `read_capture`. Raises `BadInput`."""
     names_file, directions_file, intensities_file = (
@@ -56,6 +58,7 @@ def read_photometric_stereo(
         white=white,
         linear_by_convention=True,
         allow_outside=allow_outside,
+        progress=progress,
     )
     height, width, channels = photographs[0].encoded.shape
     divisors = None

@@ -8,6 +8,7 @@ from typing import Any
 from diffshade.errors import BadInput
 from diffshade.io.capture import Capture
 from diffshade.io.contents import within
+from diffshade.progress import Progress
 
 __all__ = ["read_capture"]
 
@@ -19,6 +20,7 @@ def read_capture(
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
     allow_outside: bool = False,
+    progress: Progress | None = None,
 ) -> Capture:
     """Read a folder in the photometric-stereo layout, an RTI `.lp` file, Relight's `.dome`, a
     `capture.toml`, or the folder that holds one (which goes before the layout).
@@ -28,6 +30,7 @@ def read_capture(
     top left corner, where the first pixel's centre is (0.5, 0.5). `encoding` is "linear", "srgb"
     or a gamma, and goes before what the files say. The files of a capture lie in its folder; with
     `allow_outside` they may lie anywhere, by `..`, an absolute path or symbolic links.
+    `progress` is called after each image, with how many are read and how many there are.
 
     Raises `BadInput`, in one line, for whatever cannot be used.
 
@@ -38,7 +41,12 @@ def read_capture(
     ... )
     """
     path = Path(path)
-    options: Any = {"white": white, "encoding": encoding, "allow_outside": allow_outside}
+    options: Any = {
+        "white": white,
+        "encoding": encoding,
+        "allow_outside": allow_outside,
+        "progress": progress,
+    }
     if os.path.isfile(path / "capture.toml"):
         path = within(path, "capture.toml", allow_outside=allow_outside)
     if os.path.isdir(path):
