@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["DRAWN", "of_fits", "of_shading"]
+from diffshade import plot
+from diffshade.plot.charts import LEAST, MARKERS
 
-SMALLEST = 1e-12
-"""Errors below, zero among them, are drawn here."""
-MARKERS = "osD^vPX*"
+__all__ = ["DRAWN", "of_fits", "of_shading"]
 
 
 def of_fits(speed: dict[str, Any], file: Path) -> None:
@@ -20,7 +19,7 @@ def of_fits(speed: dict[str, Any], file: Path) -> None:
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.subplots()
     for name, marker in zip(speed["seconds"], MARKERS, strict=False):
-        errors = np.maximum(speed["errors"][name], SMALLEST)
+        errors = np.maximum(speed["errors"][name], LEAST)
         rounds = np.reshape(speed["seconds"][name], (-1, len(errors)))
         axes.scatter(1e3 * np.median(rounds, axis=0), errors, marker=marker, label=name)
     axes.axhline(1e-3, color="0.7", linewidth=1, zorder=0)
@@ -42,17 +41,7 @@ def of_shading(curves: dict[str, Any], file: Path) -> None:
 
     figure = Figure(figsize=(13, 9), layout="constrained")
     for axes, (title, ways) in zip(figure.subplots(2, 2).flat, curves.items(), strict=True):
-        for (name, points), marker in zip(ways.items(), MARKERS, strict=False):
-            labels, milliseconds, errors = zip(*points, strict=True)
-            shown = np.maximum(errors, SMALLEST)
-            axes.plot(milliseconds, shown, marker=marker, linewidth=1, label=name)
-            for label, x, y in zip(labels, milliseconds, shown, strict=True):
-                axes.annotate(label, (x, y), fontsize=7, xytext=(4, 4), textcoords="offset points")
-        axes.set(
-            xscale="log", yscale="log", xlabel="run time, milliseconds", ylabel="error", title=title
-        )
-        axes.legend(fontsize=8)
-        axes.grid(which="major", color="0.9")
+        plot.trade_off(ways, ax=axes).set_title(title)
     figure.savefig(file, dpi=110)
 
 

@@ -18,16 +18,19 @@ from diffshade.arrays import ArrayLike, floats, optional
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.light.parallel import ParallelLight
+from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.names import coefficient, coefficient_names, of_every_lobe
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
 from diffshade.shading.render import render
+from diffshade.vector import Vec3
 
 __all__ = [
     "Picture",
     "composition",
     "cosine_powers",
+    "cross_section",
     "direction",
     "light_by_light",
     "lit_from",
@@ -140,6 +143,27 @@ def cosine_powers(exponents: ArrayLike, angles: ArrayLike) -> Float[Array, "N A"
     n = jnp.atleast_1d(floats("exponents")(exponents))
     alpha = jnp.atleast_1d(floats("angles")(angles))
     return guard.power(jnp.cos(alpha)[None, :], n[:, None])
+
+
+def cross_section(lobe: AbstractLobe, incidence: ArrayLike, angles: ArrayLike) -> Float[Array, "A"]:
+    """The radiance k_s s of a lobe in the plane of incidence, under a light of strength 1.
+
+    The light comes in at `incidence` from the normal, and `angles` are those of the viewer, positive
+    on the other side, where the mirror direction is at `incidence`; all in radians. Raises `BadInput`
+    for a lobe with more than one channel. Not smooth where the lobe is cut off.
+
+    >>> from diffshade.reflectance.phong import Phong
+    >>> cross_section(Phong(0.5, 2), 0.5, [0.5, 0.5 + np.pi / 3]).round(4).tolist()
+    [0.5, 0.125]
+    """
+    i, a = floats("incidence")(incidence), jnp.atleast_1d(floats("angles")(angles))
+    zero, one = jnp.zeros_like(a), jnp.ones_like(a)
+    normal = Vec3(zero, zero, one)
+    to_light = Vec3(-jnp.sin(i) * one, zero, jnp.cos(i) * one)
+    shape = lobe.shape(normal, to_light, Vec3(jnp.sin(a), zero, jnp.cos(a)), to_light.z)
+    if lobe.ks.ndim or len(shape) > 1:
+        raise BadInput("the lobe has more than one channel: give one with a number for each")
+    return lobe.ks * shape[0]
 
 
 def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Float[Array, "3"]:

@@ -27,11 +27,11 @@ from command_line import (
 )
 from shared import shared_data
 
-from diffshade import plot
 from diffshade.cli import run
 from diffshade.commands import settings
 from diffshade.commands.usage import COMMANDS
 from diffshade.io.image import read_image
+from diffshade.plot.pictures import BAR, GAP
 
 
 @pytest.fixture(scope="module")
@@ -271,7 +271,7 @@ def test_the_folder_of_results(results: Path) -> None:
     assert "0.png: relative residual" in re.sub("<.*?>", "", page)
     # Three panels of the whole image, as it fills it, and a bar; eight times as large.
     picture = read_image(results / "comparison_2.png").values
-    width = 3 * (SIZE + plot.GAP) + plot.BAR
+    width = 3 * (SIZE + GAP) + BAR
     assert picture.shape == (8 * SIZE, 8 * width, 3)
     assert len(np.unique(picture[:, : 8 * SIZE].reshape(-1, 3), axis=0)) > 200
 

@@ -152,6 +152,38 @@ class TestCosinePowers:
         np.testing.assert_array_equal(curves, np.zeros((2, 3)))
 
 
+class TestCrossSection:
+    @pytest.mark.parametrize("incidence", [0.0, 0.6, 1.4])
+    def test_phong_about_the_mirror_direction(self, incidence: float, tolerance: float) -> None:
+        angles = np.linspace(-1.5, 1.5, 41)
+        found = gallery.cross_section(ds.Phong(0.4, 7), incidence, angles)
+        expected = 0.4 * np.maximum(np.cos(angles - incidence), 0) ** 7
+        np.testing.assert_allclose(found, expected, atol=10 * tolerance)
+
+    def test_blinn_has_half_the_angle(self, tolerance: float) -> None:
+        angles = np.linspace(-1.5, 1.5, 41)
+        found = gallery.cross_section(ds.BlinnPhong(0.4, 28), 0.6, angles)
+        expected = 0.4 * np.cos((angles - 0.6) / 2) ** 28
+        np.testing.assert_allclose(found, expected, atol=10 * tolerance)
+
+    @pytest.mark.parametrize("incidence", [0.0, 0.6, 1.3])
+    def test_torrance_and_sparrow_by_hand(self, incidence: float, tolerance: float) -> None:
+        """D G / (4 n.v) over its value for n = l = v, D a Gaussian of the angle of h, G of V-grooves."""
+        i, a = incidence, np.linspace(-1.4, 1.4, 41)
+        facets = ds.TorranceSparrow(0.3, 0.2)
+        (straight,) = gallery.cross_section(facets, 0.0, [0.0])
+        n_h, v_h = np.cos((a - i) / 2), np.cos((a + i) / 2)
+        groove = np.minimum(1, 2 * n_h * np.minimum(np.cos(a), np.cos(i)) / v_h)
+        expected = np.exp(-((((a - i) / 2) / 0.2) ** 2)) * groove / np.cos(a)
+        found = gallery.cross_section(facets, i, a) / straight
+        np.testing.assert_allclose(found, expected, atol=100 * tolerance)
+
+    def test_channels_are_refused(self) -> None:
+        for lobe in (ds.Phong((0.1, 0.2), 5), ds.GGX(0.3, 0.2, ds.Conductor((1, 2), (3, 2)))):
+            with pytest.raises(ds.BadInput, match="more than one channel"):
+                gallery.cross_section(lobe, 0.2, [0.1])
+
+
 SLIDERS = {"ka": 0.5, "kd": 0.6, "ks": 0.3, "shininess": 20, "azimuth": 0.0, "elevation": 0.0}
 
 

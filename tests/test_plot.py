@@ -5,9 +5,12 @@ import pytest
 
 from diffshade import plot
 from diffshade.io.encoding import encode_srgb
+from diffshade.plot import pictures
 
 SHAPE = (12, 10)
-LEFT, MIDDLE, RIGHT = (slice(k * (10 + plot.GAP), k * (10 + plot.GAP) + 10) for k in range(3))
+LEFT, MIDDLE, RIGHT = (
+    slice(k * (10 + pictures.GAP), k * (10 + pictures.GAP) + 10) for k in range(3)
+)
 
 
 def everywhere() -> np.ndarray:
@@ -78,17 +81,17 @@ def test_the_three_panels() -> None:
     foreground[0, 0] = False
     used[0, 0] = used[8, 2] = False
     picture = plot.comparison(observed, predicted, foreground, used, exposure=1.0, scale=0.25)
-    assert picture.shape == (12, 3 * 10 + 3 * plot.GAP + plot.BAR, 3)
+    assert picture.shape == (12, 3 * 10 + 3 * pictures.GAP + pictures.BAR, 3)
     left, middle, right = (picture[:, part] for part in (LEFT, MIDDLE, RIGHT))
     np.testing.assert_allclose(left[0, 0], encode_srgb(0.5))  # the photograph as it is
-    np.testing.assert_allclose(middle[0, 0], plot.BACKGROUND)
-    np.testing.assert_allclose(right[0, 0], plot.BACKGROUND)
+    np.testing.assert_allclose(middle[0, 0], pictures.BACKGROUND)
+    np.testing.assert_allclose(right[0, 0], pictures.BACKGROUND)
     np.testing.assert_allclose(middle[1, 1], encode_srgb(0.25))
-    np.testing.assert_allclose(right[1, 1], plot.COLOURS[-1])
-    np.testing.assert_allclose(right[4, 5], plot.COLOURS[0])
-    assert right[8, 2, 0] in plot.STRIPES
-    np.testing.assert_allclose(picture[0, -1], plot.COLOURS[-1])  # the bar's ends
-    np.testing.assert_allclose(picture[-1, -1], plot.COLOURS[0])
+    np.testing.assert_allclose(right[1, 1], pictures.COLOURS[-1])
+    np.testing.assert_allclose(right[4, 5], pictures.COLOURS[0])
+    assert right[8, 2, 0] in pictures.STRIPES
+    np.testing.assert_allclose(picture[0, -1], pictures.COLOURS[-1])  # the bar's ends
+    np.testing.assert_allclose(picture[-1, -1], pictures.COLOURS[0])
 
 
 def test_a_map_of_what_was_left_out() -> None:
@@ -99,10 +102,10 @@ def test_a_map_of_what_was_left_out() -> None:
     reasons = {"clipped": clipped, "not finite or not opaque": broken}
     shown = plot.left_out(foreground, reasons)
     assert shown.shape == (16, 16, 3)  # a margin of three pixels
-    np.testing.assert_allclose(shown[0, 0], plot.BACKGROUND)
-    np.testing.assert_allclose(shown[3, 3], plot.USED)
-    np.testing.assert_allclose(shown[5, 4], plot.REASONS["clipped"])
-    np.testing.assert_allclose(shown[5, 5], plot.REASONS["not finite or not opaque"])
+    np.testing.assert_allclose(shown[0, 0], pictures.BACKGROUND)
+    np.testing.assert_allclose(shown[3, 3], pictures.USED)
+    np.testing.assert_allclose(shown[5, 4], pictures.REASONS["clipped"])
+    np.testing.assert_allclose(shown[5, 5], pictures.REASONS["not finite or not opaque"])
     assert len(np.unique(shown.reshape(-1, 3), axis=0)) == 4
 
 
@@ -111,13 +114,13 @@ def test_a_comparison_is_cropped_to_the_object() -> None:
     big[20:30, 40:45] = True
     light = np.ones((60, 80, 1))
     picture = plot.comparison(light, light, big, big, exposure=1.0, scale=1.0)
-    assert picture.shape[:2] == (16, 3 * 11 + 3 * plot.GAP + plot.BAR)
+    assert picture.shape[:2] == (16, 3 * 11 + 3 * pictures.GAP + pictures.BAR)
 
 
 def test_a_sheet_is_in_reading_order() -> None:
-    pictures = [np.full((4, 6, 3), k / 10) for k in range(1, 4)]
-    sheet = plot.contact_sheet(pictures, columns=2)
-    values = [value for value in sheet[:, :, 0].ravel() if value != plot.BACKGROUND]
+    shown = [np.full((4, 6, 3), k / 10) for k in range(1, 4)]
+    sheet = plot.contact_sheet(shown, columns=2)
+    values = [value for value in sheet[:, :, 0].ravel() if value != pictures.BACKGROUND]
     assert list(dict.fromkeys(values)) == [0.1, 0.2, 0.3]
     assert len(values) == 3 * 4 * 6
 

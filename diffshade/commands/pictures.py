@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffshade import plot
+from diffshade.plot import pictures as plot
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
