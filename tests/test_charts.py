@@ -127,6 +127,8 @@ def test_recovered_over_true(ax: Axes) -> None:
     np.testing.assert_allclose(points, [(1.02, 0), (0.95, 1)])
     ends = [container.lines[2][0].get_segments()[0][:, 0] for container in ax.containers]
     np.testing.assert_allclose(ends, [(0.9, 1.2), (0.5, 1.5)])
+    plot.recovered({"n": 2.0}, {"n": 1.0}, {"n": (0.1, np.inf)}, ax=ax)
+    np.testing.assert_allclose(ax.containers[-1].lines[2][0].get_segments()[0][:, 0], (0.05, 3))
     with pytest.raises(ds.BadInput, match="is 0"):
         plot.recovered({"kd": 0.0}, {"kd": 0.1}, {"kd": (0.0, 0.2)}, ax=ax)
 

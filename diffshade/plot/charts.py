@@ -184,6 +184,7 @@ def recovered(
 ) -> Axes:
     """What was found over what is true, a coefficient a row, with its interval; 1 is right.
 
+    What lies beyond -1 and 3 is drawn there: an interval that reaches them may be of any length.
     Raises `BadInput` for a truth of 0, to which nothing has a ratio.
 
     >>> axes = recovered({"kd": 0.5}, {"kd": 0.51}, {"kd": (0.48, 0.54)})
@@ -194,13 +195,13 @@ def recovered(
         raise BadInput("a true coefficient is 0, to which nothing has a ratio: leave it out")
     ax = _axes(ax)
     for row, (name, truth) in enumerate(true.items()):
-        value = found[name] / truth
-        low, high = (end / truth for end in intervals[name])
+        low, high = intervals[name]
+        low, value, high = np.clip([x / truth for x in (low, found[name], high)], -1, 3)
         reach = [[value - low], [high - value]]
         ax.errorbar([value], [row], xerr=reach, fmt="o", color="C0", capsize=4)
     ax.axvline(1, color="C3", linewidth=1, linestyle="--")
     ax.set_yticks(range(len(true)), list(true))
-    ax.set(xlabel="found / true", ylim=(len(true) - 0.5, -0.5))
+    ax.set(xlabel="found / true", ylim=(max(len(true), 1) - 0.5, -0.5))
     return ax
 
 
