@@ -145,11 +145,14 @@ def cosine_powers(exponents: ArrayLike, angles: ArrayLike) -> Float[Array, "N A"
     return guard.power(jnp.cos(alpha)[None, :], n[:, None])
 
 
-def cross_section(lobe: AbstractLobe, incidence: ArrayLike, angles: ArrayLike) -> Float[Array, "A"]:
+def cross_section(
+    lobe: AbstractLobe, incidence: ArrayLike, angles: ArrayLike, *, across: bool = False
+) -> Float[Array, "A"]:
     """The radiance k_s s of a lobe in the plane of incidence, under a light of strength 1.
 
     The light comes in at `incidence` from the normal, and `angles` are those of the viewer, positive
-    on the other side, where the mirror direction is at `incidence`; all in radians. Raises `BadInput`
+    on the other side, where the mirror direction is at `incidence`; all in radians. With `across` the
+    viewer turns out of the plane instead, by `angles` from the mirror direction. Raises `BadInput`
     for a lobe with more than one channel. Not smooth where the lobe is cut off.
 
     >>> from diffshade.reflectance.phong import Phong
@@ -160,7 +163,10 @@ def cross_section(lobe: AbstractLobe, incidence: ArrayLike, angles: ArrayLike) -
     zero, one = jnp.zeros_like(a), jnp.ones_like(a)
     normal = Vec3(zero, zero, one)
     to_light = Vec3(-jnp.sin(i) * one, zero, jnp.cos(i) * one)
-    shape = lobe.shape(normal, to_light, Vec3(jnp.sin(a), zero, jnp.cos(a)), to_light.z)
+    view = Vec3(jnp.sin(a), zero, jnp.cos(a))
+    if across:
+        view = Vec3(jnp.sin(i) * jnp.cos(a), jnp.sin(a), jnp.cos(i) * jnp.cos(a))
+    shape = lobe.shape(normal, to_light, view, to_light.z)
     if lobe.ks.ndim or len(shape) > 1:
         raise BadInput("the lobe has more than one channel: give one with a number for each")
     return lobe.ks * shape[0]

@@ -23,9 +23,12 @@ from diffshade.shading.render import render
 from fitting.estimate import fit
 from fitting.found import Fit
 
-__all__ = ["Hidden", "around", "hide_and_recover", "photograph"]
+__all__ = ["Hidden", "ambient_or_diffuse", "around", "hide_and_recover", "photograph", "sheet"]
 
 Real = float | int
+
+AMBIENT, INTENSITY = 0.5, 0.8
+"""I_a and I_p over the sheet."""
 
 
 def photograph(
@@ -64,11 +67,11 @@ def photograph(
 
 @dataclass(frozen=True)
 class Hidden:
-    """Coefficients by the names of `Fit`, the photograph that shows them, and what was found in it."""
+    """Coefficients by the names of `Fit`, the photographs that show them, and what was found in them."""
 
     true: dict[str, float]
-    image: Float[np.ndarray, "H W C"]
-    scene: Scene
+    images: tuple[Float[np.ndarray, "H W C"], ...]
+    scenes: tuple[Scene, ...]
     fit: Fit
 
     @property
@@ -78,7 +81,7 @@ class Hidden:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Their standard errors, infinite where the photograph does not tell."""
+        """Their standard errors, infinite where the photographs do not tell."""
         return {name: float(np.squeeze(self.fit.standard_errors[name])) for name in self.true}
 
     @property
@@ -125,7 +128,44 @@ def hide_and_recover(
     lobe = "specular.0."
     true = {"ka": ka, "kd": kd, lobe + "ks": ks, lobe + "shininess": shininess}
     true = {name: float(value) for name, value in true.items()}
-    return Hidden(true, image, scene, fit(image, gbuffer, scene, **options))
+    return Hidden(true, (image,), (scene,), fit(image, gbuffer, scene, **options))
+
+
+def sheet(size: int) -> GBuffer:
+    """A flat sheet of size x size pixels that faces the viewer: one normal, (0, 0, 1), everywhere.
+
+    >>> sheet(4).pixel_count
+    16
+    """
+    return GBuffer.from_arrays(None, np.full((size, size, 3), (0, 0, 1), np.float32))
+
+
+def ambient_or_diffuse(
+    flat: GBuffer, angles: Sequence[Real], *, ka: Real, kd: Real, noise: Real
+) -> Hidden:
+    """Photograph a matte `sheet` once under each light, and fit k_a and k_d to all that it shows.
+
+    Light k, of strength 0.8, comes in at `angles[k]` radians from the normal, beside ambient light of
+    0.5. A photograph has one brightness, 0.5 k_a + 0.8 k_d cos(angle): a line in the plane of k_a and
+    k_d. Two lines cross.
+
+    >>> hidden = ambient_or_diffuse(sheet(8), [0.0, 1.0], ka=0.3, kd=0.6, noise=0.0)
+    >>> round(hidden.found["ka"], 3), round(hidden.found["kd"], 3)
+    (0.3, 0.6)
+    """
+    material = Material(jnp.asarray(ka, float), jnp.asarray(kd, float))
+    scenes = tuple(
+        Scene(
+            jnp.asarray(AMBIENT, float),
+            (ParallelLight(direction(angle, 0.0), jnp.asarray(INTENSITY, float)),),
+        )
+        for angle in angles
+    )
+    images = tuple(
+        photograph(flat, scene, material, noise=noise, seed=k) for k, scene in enumerate(scenes)
+    )
+    found = fit(images, flat, scenes, material=material)
+    return Hidden({"ka": float(ka), "kd": float(kd)}, images, scenes, found)
 
 
 def around(count: int, tilt: Real) -> Sequence[Float[np.ndarray, "3"]]:

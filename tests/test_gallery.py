@@ -166,6 +166,16 @@ class TestCrossSection:
         expected = 0.4 * np.cos((angles - 0.6) / 2) ** 28
         np.testing.assert_allclose(found, expected, atol=10 * tolerance)
 
+    def test_across_phong_is_round_and_blinn_is_not(self, tolerance: float) -> None:
+        """Out of the plane by a: r.v = cos a, and n.h = cos i (1 + cos a) / |l + v|."""
+        i, a = 1.2, np.linspace(-1.0, 1.0, 21)
+        phong = gallery.cross_section(ds.Phong(0.4, 7), i, a, across=True)
+        np.testing.assert_allclose(phong, 0.4 * np.cos(a) ** 7, atol=10 * tolerance)
+        blinn = gallery.cross_section(ds.BlinnPhong(0.4, 28), i, a, across=True)
+        l_v = np.cos(2 * i) * np.cos(a)
+        n_h = np.cos(i) * (1 + np.cos(a)) / np.sqrt(2 + 2 * l_v)
+        np.testing.assert_allclose(blinn, 0.4 * n_h**28, atol=100 * tolerance)
+
     @pytest.mark.parametrize("incidence", [0.0, 0.6, 1.3])
     def test_torrance_and_sparrow_by_hand(self, incidence: float, tolerance: float) -> None:
         """D G / (4 n.v) over its value for n = l = v, D a Gaussian of the angle of h, G of V-grooves."""

@@ -67,7 +67,7 @@ class TestHideAndRecover:
     def test_it_is_the_fit_of_the_image_alone(self) -> None:
         """Nothing of the truth goes into it but by the image and the light."""
         hidden = lessons.hide_and_recover(BALL, **SLIDERS, noise=0.02, seed=5)
-        again = fitting.fit(hidden.image, BALL, hidden.scene)
+        again = fitting.fit(hidden.images[0], BALL, hidden.scenes[0])
         for name, value in again.coefficients.items():
             np.testing.assert_array_equal(value.squeeze(), hidden.found[name])
 
@@ -90,3 +90,36 @@ class TestHideAndRecover:
         assert drag()
         for moved in ({"ka": 0, "shininess": 300.0}, {"azimuth": 1, "seed": 9}, {"noise": 0.1}):
             assert drag(**moved) == []
+
+
+@pytest.mark.slow
+class TestAmbientOrDiffuse:
+    SHEET = lessons.sheet(16)
+    PAPER = {"ka": 0.3, "kd": 0.6, "noise": 0.01}  # noqa: RUF012
+
+    def test_a_photograph_is_one_brightness(self, tolerance: float) -> None:
+        hidden = lessons.ambient_or_diffuse(self.SHEET, [0.0, 1.0], **{**self.PAPER, "noise": 0.0})
+        for angle, image in zip((0.0, 1.0), hidden.images, strict=True):
+            expected = 0.5 * 0.3 + 0.8 * 0.6 * np.cos(angle)
+            np.testing.assert_allclose(image, np.full((16, 16, 1), expected), rtol=1e-6)
+
+    def test_two_lights_tell_as_much_as_two_lines_do(self) -> None:
+        """sigma^2 (A^T A)^-1 with a row (I_a, I_p cos(angle)) for every pixel."""
+        for angle in (0.3, 1.2):
+            hidden = lessons.ambient_or_diffuse(self.SHEET, [0.0, angle], **self.PAPER)
+            rows = np.array([(0.5, 0.8), (0.5, 0.8 * np.cos(angle))])
+            covariance = hidden.fit.noise**2 * np.linalg.inv(256 * rows.T @ rows)
+            errors = np.sqrt(np.diag(covariance))
+            np.testing.assert_allclose(list(hidden.errors.values()), errors, rtol=1e-4)
+            np.testing.assert_allclose(
+                hidden.fit.correlations.matrix[0, 1], covariance[0, 1] / np.prod(errors), rtol=1e-4
+            )
+            for name, true in hidden.true.items():
+                assert abs(hidden.found[name] - true) < 4 * hidden.errors[name]
+
+    def test_one_light_tells_neither(self) -> None:
+        hidden = lessons.ambient_or_diffuse(self.SHEET, [0.0], **self.PAPER)
+        assert set(hidden.errors.values()) == {np.inf}
+        (unsaid,) = hidden.fit.unidentified
+        assert unsaid.coefficients == ("ka", "kd")
+        assert "looks like the ambient light" in unsaid.reason
