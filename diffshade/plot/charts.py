@@ -58,12 +58,15 @@ def lobes(named: Mapping[str, AbstractLobe], incidence: float, *, ax: Axes | Non
 
     The light of strength 1 comes in from the left at `incidence` radians from the normal, which points
     up; the distance from the middle is the radiance k_s s that a viewer in that direction sees. A line
-    of dashes is the mirror direction. `ax` has to be polar (projection="polar").
+    of dashes is the mirror direction. The first lobe has the widest line, so that others show on it.
+    `ax` has to be polar (projection="polar").
 
     >>> import diffshade as ds
     >>> len(lobes({"Phong": ds.Phong(0.5, 20)}, 0.5).lines)  # and the mirror direction
     2
     """
+    from matplotlib.ticker import MaxNLocator
+
     ax = _axes(ax, projection="polar")
     if ax.name != "polar":
         raise BadInput('lobes needs polar axes: make them with projection="polar"')
@@ -76,15 +79,17 @@ def lobes(named: Mapping[str, AbstractLobe], incidence: float, *, ax: Axes | Non
         )
     )
     largest = 0.0
-    for name, lobe in named.items():
+    for k, (name, lobe) in enumerate(named.items()):
         radiance = np.asarray(gallery.cross_section(lobe, incidence, view))
-        ax.plot(view, radiance, label=name)
+        ax.plot(view, radiance, label=name, linewidth=len(named) - k)
         largest = max(largest, float(radiance.max()))
     ax.plot([incidence, incidence], [0, 1.05 * largest], "--", color="grey", linewidth=0.8)
     ax.set_theta_zero_location("N")  # type: ignore[attr-defined]
     ax.set_theta_direction(-1)  # type: ignore[attr-defined]
     ax.set_thetalim(-np.pi / 2, np.pi / 2)  # type: ignore[attr-defined]
     ax.set_rlim(0, 1.05 * largest)  # type: ignore[attr-defined]
+    ticks = MaxNLocator(4).tick_values(0, largest)
+    ax.set_yticks([tick for tick in ticks if 0 < tick <= 1.05 * largest])
     return ax
 
 
