@@ -6,6 +6,7 @@ float32 until `photograph` encodes them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,7 +15,12 @@ from jaxtyping import Float
 
 from diffshade.errors import BadInput
 from diffshade.gallery import direction
+from diffshade.geometry import view
+from diffshade.geometry.camera import OrthographicCamera
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.geometry.sphere import Sphere
+from diffshade.io.encoding import Encoding
+from diffshade.io.image import write_png
 from diffshade.light.parallel import ParallelLight
 from diffshade.reflectance.material import Material
 from diffshade.reflectance.phong import Phong
@@ -23,12 +29,22 @@ from diffshade.shading.render import render
 from fitting.estimate import fit
 from fitting.found import Fit
 
-__all__ = ["Hidden", "ambient_or_diffuse", "around", "hide_and_recover", "photograph", "sheet"]
+__all__ = [
+    "Hidden",
+    "ambient_or_diffuse",
+    "around",
+    "hide_and_recover",
+    "photograph",
+    "sheet",
+    "spoilt",
+]
 
 Real = float | int
 
 AMBIENT, INTENSITY = 0.5, 0.8
 """I_a and I_p over the sheet."""
+LIGHTS, TILT = 6, 0.6
+"""How many lights there are around the ball that is photographed, and how far from the viewer."""
 
 
 def photograph(
@@ -166,6 +182,58 @@ def ambient_or_diffuse(
     )
     found = fit(images, flat, scenes, material=material)
     return Hidden({"ka": float(ka), "kd": float(kd)}, images, scenes, found)
+
+
+def spoilt(
+    folder: Path,
+    camera: OrthographicCamera,
+    material: Material,
+    *,
+    white: Real | None = None,
+    gamma: Real | None = None,
+    turned: Real = 0.0,
+    noise: Real = 0.002,
+) -> Path:
+    """Photograph a ball in six lights into a folder, and say nothing of what is wrong with it.
+
+    The files are PNG of 16 bits, what is above 1 cut off. `capture.toml` beside them calls them linear,
+    whatever `white` and `gamma` have done to them (`photograph`), and names every light at its place
+    in a ring, though the third stood `turned` radians farther from the viewer when its picture was
+    taken. The ball has radius 1. Returns the path that `read_capture` takes.
+
+    >>> import diffshade as ds
+    >>> import tempfile
+    >>> camera, chalk = ds.OrthographicCamera(16, 16, 2.2), ds.Material(kd=0.5)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     spoilt(Path(folder), camera, chalk, gamma=2.2).name
+    'capture.toml'
+    """
+    ball = view.gbuffer(Sphere(), camera)
+    named = around(LIGHTS, TILT)
+    stood = [*named[:2], *around(LIGHTS, TILT + turned)[2:3], *named[3:]]
+    lines = [
+        'schema = "diffshade.capture/1"',
+        'encoding = "linear"',
+        'geometry = { kind = "sphere", center = [0, 0, 0], radius = 1.0 }',
+        f'camera = {{ kind = "orthographic", width = {camera.width}, height = {camera.height},'
+        f" extent = {float(camera.extent)} }}",
+    ]
+    for k, (light, claimed) in enumerate(zip(stood, named, strict=True)):
+        name = f"{k + 1:03}.png"
+        lit = ParallelLight(jnp.asarray(light, float), jnp.asarray(1.0, float))
+        scene = Scene(lights=(lit,))
+        image = photograph(
+            ball, scene, material, noise=noise, white=min(white or 1.0, 1.0), gamma=gamma, seed=k
+        )
+        write_png(folder / name, image, bits=16, encoding=Encoding.UNKNOWN)
+        lines += [
+            "[[image]]",
+            f'file = "{name}"',
+            f'lights = [{{ kind = "parallel", direction = {claimed.tolist()}, intensity = 1.0 }}]',
+        ]
+    path = folder / "capture.toml"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
 
 
 def around(count: int, tilt: Real) -> Sequence[Float[np.ndarray, "3"]]:

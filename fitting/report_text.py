@@ -70,7 +70,12 @@ def fit_report(document: Document, *, truth: Document | None = None) -> str:
         _wrapped(f"not identified: {', '.join(item['coefficients'])}: {item['reason']}")
         for item in document["unidentified"]
     ]
-    sections += [_residual(document), _notes(document)]
+    sections += [_residual(document)]
+    sections += [
+        _wrapped(f"{item['file']} disagrees with the others: {item['reason']}")
+        for item in document.get("suspect_images") or []
+    ]
+    sections.append(_notes(document))
     if not document["converged"]:
         sections.append("THE SEARCH DID NOT CONVERGE: these numbers are not a minimum.")
     return "\n\n".join(filter(None, sections))

@@ -1,5 +1,7 @@
 """What the notebooks on fitting drag: photographs that are what they say, and the truth found in them."""
 
+from pathlib import Path
+
 import jax
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 import diffshade as ds
 import fitting
 from diffshade.io.encoding import decode
+from diffshade.io.read_capture import read_capture
 from fitting import lessons
 
 BALL = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(32, 32, 2.2))
@@ -51,6 +54,39 @@ def test_lights_in_a_ring(tolerance: float) -> None:
     np.testing.assert_allclose(np.linalg.norm(ring, axis=1), 1, rtol=tolerance)
     np.testing.assert_allclose(ring[:, 2], np.cos(0.4), rtol=tolerance)
     np.testing.assert_allclose(ring.sum(axis=0)[:2], 0, atol=tolerance)
+
+
+class TestSpoilt:
+    CAMERA = ds.OrthographicCamera(32, 32, 2.2)
+    GLOSSY = ds.Material(kd=0.6, specular=ds.Phong(0.35, 60))
+
+    def test_the_capture_is_the_photographs(self, tmp_path: Path) -> None:
+        capture = read_capture(lessons.spoilt(tmp_path, self.CAMERA, self.GLOSSY, noise=0.0))
+        assert len(capture.images) == lessons.LIGHTS
+        for k, (scene, image) in enumerate(zip(capture.scenes, capture.images, strict=True)):
+            (light,) = scene.lights
+            expected = lessons.around(lessons.LIGHTS, lessons.TILT)[k]
+            np.testing.assert_allclose(light.direction, expected, rtol=1e-6)
+            rendered = np.asarray(ds.render(capture.gbuffer, scene, self.GLOSSY))
+            np.testing.assert_allclose(image, np.minimum(rendered, 1), atol=1e-5)
+        assert capture.notes == ("images read as linear",)
+
+    def test_what_is_wrong_is_not_said(self, tmp_path: Path) -> None:
+        plain, other = tmp_path / "plain", tmp_path / "other"
+        for folder in (plain, other):
+            folder.mkdir()
+        spoil = {"white": 0.7, "gamma": 2.2, "turned": 0.2}
+        right = lessons.spoilt(plain, self.CAMERA, self.GLOSSY, noise=0.0)
+        wrong = lessons.spoilt(other, self.CAMERA, self.GLOSSY, noise=0.0, **spoil)
+        assert right.read_text() == wrong.read_text()
+        before, after = (read_capture(path).images for path in (right, wrong))
+        for k, (a, b) in enumerate(zip(before, after, strict=True)):
+            far = np.abs(np.minimum(a, 0.7) - decode(b, 2.2)).max()
+            assert (far > 0.01) == (k == 2)
+
+    def test_a_plateau_is_noted(self, tmp_path: Path) -> None:
+        capture = read_capture(lessons.spoilt(tmp_path, self.CAMERA, self.GLOSSY, white=0.5))
+        assert any("plateau below full scale" in note for note in capture.notes)
 
 
 @pytest.mark.slow

@@ -305,6 +305,13 @@ def test_a_report_of_what_went_badly() -> None:
     assert "relative residual not finite" in report
 
 
+def test_a_report_names_the_image_that_stands_out() -> None:
+    assert "disagrees" not in fit_report(document())
+    suspect = {"file": "003.png", "reason": "nine times the others: check its light"}
+    report = fit_report(document() | {"suspect_images": [suspect]})
+    assert "003.png disagrees with the others: nine times the others: check its light" in report
+
+
 def test_of_many_images_the_worst_are_named() -> None:
     made = document()
     made["per_image"] = [
