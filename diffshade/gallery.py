@@ -24,7 +24,7 @@ from diffshade.reflectance.names import coefficient, coefficient_names, of_every
 from diffshade.reflectance.phong import Phong
 from diffshade.scene import Scene
 from diffshade.shading.render import render
-from diffshade.vector import Vec3
+from diffshade.vector import Vec3, dot, reflect
 
 __all__ = [
     "Picture",
@@ -32,6 +32,7 @@ __all__ = [
     "cosine_powers",
     "cross_section",
     "direction",
+    "highlight_angle",
     "light_by_light",
     "lit_from",
     "vary",
@@ -182,6 +183,29 @@ def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Float[Array, "3"]:
     """
     a, e = floats("azimuth")(azimuth), floats("elevation")(elevation)
     return jnp.stack([jnp.cos(e) * jnp.sin(a), jnp.sin(e), jnp.cos(e) * jnp.cos(a)])
+
+
+def highlight_angle(gbuffer: GBuffer, scene: Scene) -> Float[np.ndarray, "H W"]:
+    """How far each pixel lies from a highlight: the angle between viewer and mirrored light (LIGHT-10).
+
+    In radians, [0, pi], of the nearest of several lights, and whether or not the light is behind the
+    surface; 0 in the background. Computed on the host, in the G-buffer's precision. Raises `BadInput`
+    for a scene without lights.
+
+    >>> import diffshade as ds
+    >>> ball = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(9, 9, 2.2))
+    >>> float(highlight_angle(ball, ds.Scene(lights=ds.ParallelLight((0, 0, 1))))[4, 4])
+    0.0
+    """
+    if not scene.lights:
+        raise BadInput("the scene has no lights: there is no highlight to be far from")
+    n, v = gbuffer.normal, gbuffer.viewer.direction(gbuffer.position)
+    cosines = [
+        np.asarray(dot(reflect(light.incidence(gbuffer.position).l, n), v))
+        for light in scene.lights
+    ]
+    angle = np.arccos(np.clip(np.max(cosines, axis=0), -1, 1))
+    return np.asarray(gbuffer.placed(angle[:, None]))[..., 0]
 
 
 def lit_from(

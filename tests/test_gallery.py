@@ -194,6 +194,36 @@ class TestCrossSection:
                 gallery.cross_section(lobe, 0.2, [0.1])
 
 
+class TestHighlightAngle:
+    def test_brute_force(self, tolerance: float) -> None:
+        """By 2 (n.l) n - l, pixel by pixel, of the nearest of a point and a parallel light."""
+        found = gallery.highlight_angle(BALL, SCENE)
+        n, p = BALL.normal, BALL.position
+        planes = (n.x, n.y, n.z, p.x, p.y, p.z)
+        images = np.asarray(BALL.to_image(planes), np.float64)
+        parallel = np.array([1, 0, 1]) / np.sqrt(2)
+        mask = np.asarray(BALL.mask)
+        for row, column in ((10, 12), (4, 9), (15, 18)):
+            assert mask[row, column]
+            n, p = images[row, column, :3], images[row, column, 3:]
+            to_point = np.array([-2, 2, 3]) - p
+            lights = (to_point / np.linalg.norm(to_point), parallel)
+            mirrored = [2 * (n @ l) * n - l for l in lights]
+            expected = min(np.arccos(np.clip(r[2], -1, 1)) for r in mirrored)
+            assert found[row, column] == pytest.approx(expected, abs=1e4 * tolerance)
+        assert np.all(found[~mask] == 0)
+
+    def test_the_highlight_is_brightest_where_it_is_zero(self) -> None:
+        scene = ds.Scene(lights=ds.ParallelLight((-0.4, 0.3, 1.0)))
+        glint = image(scene, ds.Material(specular=ds.Phong(1.0, 30)))[..., 0]
+        angle = np.where(BALL.mask, gallery.highlight_angle(BALL, scene), np.pi)
+        assert np.argmax(glint) == np.argmin(angle)
+
+    def test_without_lights(self) -> None:
+        with pytest.raises(ds.BadInput, match="no lights"):
+            gallery.highlight_angle(BALL, ds.Scene(ambient=0.1))
+
+
 SLIDERS = {"ka": 0.5, "kd": 0.6, "ks": 0.3, "shininess": 20, "azimuth": 0.0, "elevation": 0.0}
 
 
