@@ -121,6 +121,7 @@ def residuals(
         ax.plot(x, density, color="C3", label=rf"normal, $\sigma$ = {noise:.2g}")
         ax.legend()
     ax.set(xlabel="observed - predicted", ylabel="density", xlim=(edges[0], edges[-1]))
+    ax.locator_params(axis="x", nbins=5)
     return ax
 
 
