@@ -17,6 +17,7 @@ from diffshade import guard
 from diffshade.arrays import ArrayLike, floats, optional
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.base import AbstractRayLight
 from diffshade.light.parallel import ParallelLight
 from diffshade.reflectance.lobe import AbstractLobe
 from diffshade.reflectance.material import Material
@@ -189,20 +190,22 @@ def highlight_angle(gbuffer: GBuffer, scene: Scene) -> Float[np.ndarray, "H W"]:
     """How far each pixel lies from a highlight: the angle between viewer and mirrored light (LIGHT-10).
 
     In radians, [0, pi], of the nearest of several lights, and whether or not the light is behind the
-    surface; 0 in the background. Computed on the host, in the G-buffer's precision. Raises `BadInput`
-    for a scene without lights.
+    surface; 0 in the background. Computed on the host, in the G-buffer's precision. Light from all
+    around (`EnvironmentLight`) has no mirror direction. Raises `BadInput` for a scene of no other.
 
     >>> import diffshade as ds
     >>> ball = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(9, 9, 2.2))
     >>> float(highlight_angle(ball, ds.Scene(lights=ds.ParallelLight((0, 0, 1))))[4, 4])
     0.0
     """
-    if not scene.lights:
-        raise BadInput("the scene has no lights: there is no highlight to be far from")
+    lights = [light for light in scene.lights if isinstance(light, AbstractRayLight)]
+    if not lights:
+        raise BadInput(
+            "the scene has no lights with a direction: there is no highlight to be far from"
+        )
     n, v = gbuffer.normal, gbuffer.viewer.direction(gbuffer.position)
     cosines = [
-        np.asarray(dot(reflect(light.incidence(gbuffer.position).l, n), v))
-        for light in scene.lights
+        np.asarray(dot(reflect(light.incidence(gbuffer.position).l, n), v)) for light in lights
     ]
     angle = np.arccos(np.clip(np.max(cosines, axis=0), -1, 1))
     return np.asarray(gbuffer.placed(angle[:, None]))[..., 0]

@@ -220,7 +220,7 @@ class TestHighlightAngle:
         assert np.argmax(glint) == np.argmin(angle)
 
     def test_without_lights(self) -> None:
-        with pytest.raises(ds.BadInput, match="no lights"):
+        with pytest.raises(ds.BadInput, match="no lights with a direction"):
             gallery.highlight_angle(BALL, ds.Scene(ambient=0.1))
 
 
