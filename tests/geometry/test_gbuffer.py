@@ -25,6 +25,12 @@ def test_from_arrays_normalises_and_keeps_row_order(tolerance):
     np.testing.assert_array_equal(g.viewer.direction(g.position).to_array(), [0, 0, 1])
 
 
+def test_a_vector_is_not_iterated():
+    """It has an index, which JAX clamps: iteration by it would never end."""
+    with pytest.raises(TypeError, match="not iterable"):
+        iter(ds.GBuffer.from_arrays(None, np.ones((2, 2, 3))).normal)
+
+
 def test_a_mask_picks_pixels():
     mask = np.zeros((3, 4), bool)
     mask[0, 3] = mask[2, 1] = True

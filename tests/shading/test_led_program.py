@@ -246,9 +246,13 @@ def test_channels_that_differ_and_types_that_mix(tolerance: float) -> None:
     agree(led, plain_, 1e-4)
 
 
-def test_an_array_as_long_as_the_foreground_is_no_plane(tolerance: float) -> None:
+def test_an_array_as_long_as_the_foreground_is_no_plane(
+    tolerance: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Only what has the role of a plane is cut into pages: not a coefficient of P channels."""
-    count = 480  # more than a page
+    monkeypatch.setattr(image, "page_size", lambda *_: 32)
+    monkeypatch.setattr(image, "FEW", 16)
+    count = 40  # more than a page, and as many channels to compile
     many = ds.Material(kd=jnp.linspace(0.1, 0.9, count))
     lit = ds.Scene(lights=ds.ParallelLight((0, 0, 1)))
     part = ds.GBuffer.from_arrays(None, np.tile([0.0, 0.0, 1.0], (2, count // 2, 1)))
