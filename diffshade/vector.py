@@ -50,7 +50,9 @@ class Vec3(eqx.Module):
     def __neg__(self) -> "Vec3":
         return Vec3(-self.x, -self.y, -self.z)
 
-    __iter__ = None  # or its planes would be cut by 0, 1, 2, ... without end, as JAX clamps an index
+    __iter__ = (
+        None  # or its planes would be cut by 0, 1, 2, ... without end, as JAX clamps an index
+    )
 
     @classmethod
     def from_array(cls, array: Float[Array, "... 3"]) -> "Vec3":

@@ -101,7 +101,7 @@ def _beyond(observed: Observed, minimum: Minimum) -> str | None:
     factors = (
         (model.material.od, model.material.os),
         [scene.ambient for scene in scenes],
-        [(light.intensity, getattr(light, "attenuation", None)) for light in lights],
+        [(light.intensity, light.visible, getattr(light, "attenuation", None)) for light in lights],
     )
     if any((np.asarray(factor) < 0).any() for factor in jax.tree.leaves(factors)):
         return "A light or an object colour is negative."

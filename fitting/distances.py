@@ -52,6 +52,8 @@ def _nearer(
         for seen in at.angles:
             if isinstance(seen, Angles) and seen.distance is not None:
                 faces = (seen.n_dot_l > 0) & (seen.distance > 0)
+                if seen.emission is not None:
+                    faces = faces & (seen.emission > 0)
                 if at.spread is None:
                     faces = faces & (photo.weight > 0)[None]
                 lit += jnp.sum(faces, dtype=lit.dtype)

@@ -196,6 +196,8 @@ def _ends(at: Scenery) -> Float[Array, "3"]:
     for seen, kind in zip(at.angles, at.photo.lights, strict=True):
         if isinstance(kind, PointLight) and isinstance(seen, Angles) and seen.distance is not None:
             lit = (seen.n_dot_l > 0) & (seen.distance > 0)
+            if seen.emission is not None:  # outside of a cone, or in a shadow
+                lit = lit & (seen.emission > 0)
             if at.spread is None:  # else the points are not pixels, and have no weight
                 lit = lit & (at.photo.weight > 0)[None]
             near = jnp.minimum(near, jnp.min(jnp.where(lit, seen.distance, jnp.inf)))

@@ -9,6 +9,7 @@ from jaxtyping import Int
 from diffshade.arrays import ArrayLike
 from diffshade.errors import BadInput
 from diffshade.geometry.gbuffer import GBuffer
+from diffshade.light.visible import map_visible
 from diffshade.reflectance.material import Material
 from diffshade.shading.render import render
 from diffshade.vector import Vec3
@@ -58,7 +59,7 @@ class RegionWork:
         images = [p.observed(where, used).T[None] for p, used in each]
         everything = np.ones((1, len(where)), bool)
         valid = [everything if used is None else used[None] for used in masks]
-        scenes = [p.scene for p in self.photographs]
+        scenes = [map_visible(lambda plane: plane[pixels], p.scene) for p in self.photographs]
         square = sum(
             (np.sum(image.astype(float) ** 2, axis=(0, 2)) for image in images), np.zeros(())
         )

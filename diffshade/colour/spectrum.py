@@ -70,6 +70,7 @@ def blackbody(temperature: Float[Array, "..."], wavelengths: Wavelengths) -> Spe
     # In nm where the numbers are of everyday size: float32 does not hold h.
     first = 2e36 * PLANCK * SPEED_OF_LIGHT**2 / wavelengths**5
     second = 1e9 * PLANCK * SPEED_OF_LIGHT / BOLTZMANN / wavelengths
+    first, second = (x.reshape((1,) * temperature.ndim + x.shape) for x in (first, second))
     exponent = jnp.asarray(second, temperature.dtype) / temperature[..., None]
     # exp(-x) / (1 - exp(-x)) goes to 0 in the cold, where exp(x) would overflow
     return jnp.asarray(first, temperature.dtype) * jnp.exp(-exponent) / -jnp.expm1(-exponent)

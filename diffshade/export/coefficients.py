@@ -145,12 +145,17 @@ def _nearest(lobe: AbstractLobe, ks: RGB) -> Highlight:
         return Highlight(peak if f0 is None else peak * f0, exponent, f0, notes)
     if not isinstance(lobe, Phong | BlinnPhong):
         raise BadInput(f"a lobe of kind {lobe.kind!r} has no form in other tools: use another")
-    power = to_blinn_phong(lobe) if isinstance(lobe, Phong) else lobe
-    exponent, notes = one("the exponent", power.shininess)
+    own, notes = one("the exponent", lobe.shininess)
+    exponent = own if isinstance(lobe, BlinnPhong) else _times_four(own)
     if lobe.weight is not None:
         ks = ks * head_on(lobe.weight)
         notes += (WEIGHED,)
     return Highlight(ks, exponent, None, notes)
+
+
+def _times_four(exponent: float) -> float:
+    """Blinn's exponent for that of Phong's lobe, about (`conversion`)."""
+    return float(to_blinn_phong(Phong(1.0, exponent)).shininess)  # type: ignore[arg-type]
 
 
 def _colour(value: Any | None) -> RGB:

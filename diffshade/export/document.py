@@ -12,7 +12,16 @@ from diffshade.export.coefficients import plain
 from diffshade.io.atomic import replacing
 from diffshade.reflectance.material import Material
 
-__all__ = ["NO_AMBIENT", "Export", "coefficients_to_json", "extras", "in_gamut", "lit_by", "write"]
+__all__ = [
+    "NO_AMBIENT",
+    "Export",
+    "check_reflects",
+    "coefficients_to_json",
+    "extras",
+    "in_gamut",
+    "lit_by",
+    "write",
+]
 
 NO_AMBIENT = "the ambient term is left out, which this format has not"
 
@@ -33,6 +42,12 @@ def write(path: str | os.PathLike[str], export: Export) -> Export:
     with replacing(path) as temporary:
         temporary.write_text(export.text, encoding="utf-8")
     return export
+
+
+def check_reflects(material: Material) -> None:
+    """Raise `BadInput` for a material that reflects no light of a lamp, which a renderer shows black."""
+    if material.kd is None and not material.specular:
+        raise BadInput("the material has neither k_d nor a lobe: there is nothing to write")
 
 
 def coefficients_to_json(material: Material) -> dict[str, Any]:

@@ -22,7 +22,15 @@ from diffshade.channels import Channels, channels, plus, times
 from diffshade.errors import BadInput
 from diffshade.export.angular_error import angular_error
 from diffshade.export.coefficients import RGB, Highlight, diffuse, highlight
-from diffshade.export.document import NO_AMBIENT, Export, extras, in_gamut, lit_by, write
+from diffshade.export.document import (
+    NO_AMBIENT,
+    Export,
+    check_reflects,
+    extras,
+    in_gamut,
+    lit_by,
+    write,
+)
 from diffshade.export.response import AbstractResponse, Exact, upright
 from diffshade.geometry.mesh import Mesh
 from diffshade.reflectance.conversion import alpha_of
@@ -55,6 +63,7 @@ def as_gltf(
     >>> document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"]
     [0.6, 0.3, 0.2, 1.0]
     """
+    check_reflects(material)
     lobe = highlight(material)
     notes: tuple[str, ...] = () if material.ka is None else (NO_AMBIENT,)
     if lobe is not None:

@@ -32,7 +32,7 @@ from diffshade.export.coefficients import (
     one,
     rgb,
 )
-from diffshade.export.document import NO_AMBIENT, Export, in_gamut, lit_by, write
+from diffshade.export.document import NO_AMBIENT, Export, check_reflects, in_gamut, lit_by, write
 from diffshade.export.response import AbstractResponse, Exact
 from diffshade.reflectance.blinn_phong import BlinnPhong
 from diffshade.reflectance.body import FresnelBody
@@ -119,6 +119,7 @@ def _parts(
     material: Material, irradiance: float
 ) -> tuple[list[tuple[Plugin, str, RGB]], tuple[str, ...]]:
     """Plug-ins without their reflectance, its name, and what it has to be."""
+    check_reflects(material)
     found: list[tuple[Plugin, str, RGB]] = []
     notes: tuple[str, ...] = ()
     if material.kd is not None and material.body is None:
@@ -136,8 +137,6 @@ def _parts(
         plugin, ks, said = _facets(lobe, lobe_ks(material, lobe))
         found.append((plugin, "specular_reflectance", ks / irradiance))
         notes += said
-    if not found:
-        raise BadInput("the material has neither k_d nor a lobe: there is nothing to write")
     return found, tuple(dict.fromkeys(notes))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from diffshade.errors import BadInput
 from diffshade.export.angular_error import angular_error
-from diffshade.export.coefficients import RGB, Highlight, ambient, diffuse, highlight
+from diffshade.export.coefficients import RGB, Highlight, ambient, diffuse, highlight, one
 from diffshade.export.document import Export
 from diffshade.export.response import Exact
 from diffshade.io.atomic import replacing
@@ -84,11 +84,14 @@ def _notes(material: Material, lobe: Highlight | None) -> tuple[str, ...]:
     if lobe is None:
         return ()
     notes = lobe.notes
+    if len(material.specular) > 1 and any(isinstance(own, Phong) for own in material.specular):
+        notes += ("an exponent n of (r.v)^n became 4 n of (N.H)^Ns before lobes were put together",)
     for own in material.specular:
-        if isinstance(own, Phong) and not own.shininess.ndim:
+        if isinstance(own, Phong) and len(material.specular) == 1:
+            exponent, _ = one("the exponent", own.shininess)
             notes += (
-                f"The lobe is Phong's, Ks (r.v)^{float(own.shininess):.6g}; illum 2 has (N.H)^Ns: Ns is 4"
-                " times the exponent",
+                f"The lobe is Phong's, Ks (r.v)^{exponent:.6g}; illum 2 has (N.H)^Ns: Ns is 4 times the"
+                " exponent",
             )
         elif isinstance(own, AbstractMicrofacet):
             notes += (f"the lobe has facets, {own.kind}, of which this is the nearest (N.H)^Ns",)

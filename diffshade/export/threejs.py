@@ -21,7 +21,15 @@ from diffshade.channels import Channels, channels, times
 from diffshade.colour.srgb import from_srgb, to_srgb
 from diffshade.export.angular_error import angular_error
 from diffshade.export.coefficients import RGB, diffuse, highlight
-from diffshade.export.document import NO_AMBIENT, Export, extras, in_gamut, lit_by, write
+from diffshade.export.document import (
+    NO_AMBIENT,
+    Export,
+    check_reflects,
+    extras,
+    in_gamut,
+    lit_by,
+    write,
+)
 from diffshade.export.response import AbstractResponse, Exact, upright
 from diffshade.reflectance.blinn_phong import BlinnPhong
 from diffshade.reflectance.lambert import lambert
@@ -40,6 +48,7 @@ def as_threejs(material: Material, name: str = "material", *, irradiance: float 
     >>> document["type"], hex(document["color"])
     ('MeshPhongMaterial', '0xffbc00')
     """
+    check_reflects(material)
     E, lobe, kd = lit_by(irradiance), highlight(material), diffuse(material)
     albedo = np.zeros(3) if kd is None else np.pi * kd / E
     exponent = 0.0 if lobe is None else lobe.exponent

@@ -89,13 +89,21 @@ class Sphere(AbstractSurface):
         eps: float,
     ) -> Bool[np.ndarray, "N"]:
         # From a point of the sphere a ray comes nearer to the centre only where it goes in, and there
-        # n.l < 0: whatever rounding says of such a point, it is dark.
+        # n.l < 0: whatever rounding says of such a point, it is dark. From inside it is seen through.
         from_centre = points - np.asarray(self.center, np.float64)
         along = -(from_centre * towards).sum(axis=1)
         near = from_centre + along[:, None] * towards
-        depth_squared = float(self.radius) ** 2 - (near * near).sum(axis=1)
+        radius = float(self.radius)
+        depth_squared = radius**2 - (near * near).sum(axis=1)
         enters = along - np.sqrt(np.maximum(depth_squared, 0))
-        return (along > 0) & (depth_squared > 0) & (enters < distance)
+        hidden = (along > 0) & (depth_squared > 0) & (enters < distance)
+        # A source on the sphere, as of a ball that glows, is not hidden where the ray meets it first.
+        source = from_centre + np.where(np.isfinite(distance), distance, 0)[:, None] * towards
+        size = np.abs(points).max(axis=1, initial=0) + radius
+        off = 16 * (np.finfo(np.float32).eps * radius + eps * size)
+        on_it = np.abs(np.sqrt((source * source).sum(axis=1)) - radius) <= off
+        faces = (source * towards).sum(axis=1) < 0
+        return hidden & ~(np.isfinite(distance) & on_it & faces)
 
     def _closest(self, rays: Rays) -> tuple[Float[Array, "P"], Vec3, Float[Array, "P"]]:
         """Of each ray, where it passes closest to the centre, that point from there, and z^2 there."""

@@ -139,8 +139,8 @@ def write_lights(
             f"{path}: {len(vectors)} directions and intensities of shape {powers.shape} for"
             f" {len(views)} views; give three numbers each"
         )
-    if not (np.isfinite(vectors).all() and np.isfinite(powers).all()):
-        raise BadInput(f"{path}: a light is not finite; mend what made it")
+    if not (np.isfinite(vectors).all() and np.isfinite(powers).all() and (powers > 0).all()):
+        raise BadInput(f"{path}: a light is not finite, or not above 0; mend what made it")
     lights = []
     for view, vector, power in zip(views, vectors, powers, strict=True):
         turned = direction(vector, f"{path}: view {view}") * _AXES + 0.0  # no minus before a 0

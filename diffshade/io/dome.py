@@ -33,6 +33,7 @@ from diffshade.io.atomic import replacing
 from diffshade.io.capture import Capture, assemble
 from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import folder_geometry
+from diffshade.io.image_files import SUFFIXES
 from diffshade.io.json_document import read_json
 from diffshade.io.photographs import read_photographs
 from diffshade.io.text_rows import direction
@@ -53,8 +54,6 @@ CONFIGURATIONS = {
 """Which list each configuration speaks of."""
 FARTHEST = 1e6
 """Image widths: what is farther is a direction."""
-IMAGES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".hdr", ".exr"}
-IMAGES |= {".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".rw2", ".orf"}
 
 
 class Dome(NamedTuple):
@@ -175,7 +174,14 @@ def write_dome(
         )
     if len(adjust) not in (0, len(lights)):
         raise BadInput(f"{path}: {len(adjust)} colours for {len(lights)} lights; give one a light")
+    if not 0 <= image_width < np.inf:
+        raise BadInput(
+            f"{path}: image_width is {image_width:g}; give mm, or 0 where it is not known"
+        )
+    if not ((adjust > 1e-6) & (adjust < 1e6)).all():
+        raise BadInput(f"{path}: a number of led_adjust is not above 0; correct it")
     far = directions is not None
+    units = [direction(l, f"{path}: light {number}") for number, l in enumerate(lights, 1)]
     document = {
         "label": label,
         "notes": "",
@@ -183,13 +189,15 @@ def write_dome(
         "domeDiameter": 0.0,
         "verticalOffset": 0.0,
         "lightConfiguration": "directional" if far else "lights3d",
-        "directions": _listed(lights / np.linalg.norm(lights, axis=1, keepdims=True), "xyz"),
+        "directions": _listed(np.stack(units), "xyz"),
         "positionsSphere": [],
         "positions3d": [] if far else _listed(lights, "xyz"),
         "ledAdjust": _listed(adjust, "rgb"),
     }
     with replacing(path) as temporary:
-        temporary.write_text(json.dumps(document, indent=4) + "\n", encoding="utf-8")
+        temporary.write_text(
+            json.dumps(document, indent=4, allow_nan=False) + "\n", encoding="utf-8"
+        )
 
 
 def _vectors(table: Table, key: str, axes: str) -> Float[np.ndarray, "N 3"]:
@@ -221,7 +229,7 @@ def _images(folder: Path) -> list[str]:
     found = [
         file.name
         for file in folder.iterdir()
-        if file.suffix.lower() in IMAGES and file.stem.lower() != "mask"
+        if file.suffix.lower() in SUFFIXES and file.stem.lower() != "mask"
     ]
     found.sort(key=lambda name: (name.lower(), name))
     if not found:

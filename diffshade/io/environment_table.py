@@ -32,7 +32,10 @@ def read_environment(table: Table) -> EnvironmentLight:
     intensity: Any = table.per_channel("intensity") if "intensity" in table else 1.0
     if "harmonics" in table:
         with table.naming():
-            return EnvironmentLight(table.rows("harmonics"), intensity)
+            light = EnvironmentLight(table.rows("harmonics"), intensity)
+        if light.order > _HIGHEST:
+            table.fail(f"the harmonics are of order {light.order}; give at most {_HIGHEST}")
+        return light
     order = table.whole("order")
     if order > _HIGHEST:
         table.fail(f"order is {order}; give at most {_HIGHEST}")

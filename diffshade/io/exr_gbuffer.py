@@ -96,6 +96,12 @@ def load_exr_gbuffer(
         inside &= whole
         found, slots = np.unique(numbers[inside].astype(np.int64), return_inverse=True)
         indices = tuple(found.tolist())
+        if indices != tuple(range(len(indices))):
+            listed = ", ".join(map(str, indices[:8])) + ", ..." * (len(indices) > 8)
+            notes += (
+                f"the indices {listed} are slots 0 to {len(indices) - 1} here: give materials in this"
+                " order",
+            )
     with naming(path):
         gbuffer = GBuffer.from_arrays(positions, normals, inside, eye=eye, view=view)
     if slots is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from diffshade.errors import BadInput
 from diffshade.io.text_rows import lines
 
-__all__ = ["image_files"]
+__all__ = ["SUFFIXES", "image_files"]
 
 SUFFIXES = (
     ".png",
@@ -20,14 +20,18 @@ SUFFIXES = (
     ".pic",
     ".dng",
     ".cr2",
+    ".cr3",
     ".nef",
     ".arw",
+    ".raf",
+    ".rw2",
+    ".orf",
 )
 """What names of image files end in; what they hold is found from their content."""
 
 
 def image_files(folder: Path, *, but: tuple[Path, ...] = ()) -> list[str]:
-    """The names in `filenames.txt`, or else of all image files but some, 2 before 10.
+    """The names in `filenames.txt`, or else of all image files but some and a mask, 2 before 10.
 
     Raises `BadInput` where the folder is none, or has no image.
     """
@@ -43,7 +47,9 @@ def image_files(folder: Path, *, but: tuple[Path, ...] = ()) -> list[str]:
     found = [
         path.name
         for path in folder.iterdir()
-        if path.suffix.lower() in SUFFIXES and path.resolve() not in left_out
+        if path.suffix.lower() in SUFFIXES
+        and path.stem.lower() != "mask"
+        and path.resolve() not in left_out
     ]
     if not found:
         raise BadInput(f"{folder}: holds no image; give a folder with photographs")

@@ -143,6 +143,8 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     geometry, camera, notes = read_view(top)
     refuse_near_lights(geometry, lights)
     shadows = "shadows" in top and top.truth("shadows")
+    if shadows and any(light.values["kind"] == "environment" for light in lights):
+        top.fail("an environment throws no shadows; leave shadows out, or the environment")
     if shadows and top.table("geometry").values["kind"] == "normals":
         top.fail("shadows need a surface, and a map of normals is none; leave shadows out")
     if material is None:

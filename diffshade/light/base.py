@@ -1,21 +1,35 @@
 """What every light is: an intensity, from where it arrives at a point, and how much of it does."""
 
 from abc import abstractmethod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float
 
-from diffshade.arrays import floats, optional
+from diffshade.arrays import floats, is_concrete, optional
 from diffshade.bounds import Ball, Cone
+from diffshade.errors import BadInput
 from diffshade.vector import Vec3
 
 __all__ = ["AbstractLight", "AbstractRayLight", "Incidence", "Incoming", "share"]
 
 Plane = Float[Array, "..."]
 
-share = optional(floats("what is visible of a light"))
-"""The converter of `AbstractLight.visible`."""
+_shares = optional(floats("what is visible of a light"))
+
+
+def share(value: Any) -> Plane | None:
+    """The converter of `AbstractLight.visible`."""
+    plane = _shares(value)
+    if plane is not None and is_concrete(plane):
+        numbers = np.asarray(plane)
+        if not ((numbers >= 0) & (numbers <= 1)).all():
+            raise BadInput(
+                f"what is visible of a light is from {numbers.min():g} to {numbers.max():g}: give a"
+                " share, 0 to 1"
+            )
+    return plane
 
 
 class Incidence(NamedTuple):

@@ -17,7 +17,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from diffshade.arrays import ArrayLike, floats
-from diffshade.channels import Channels, channels, plus, times
+from diffshade.channels import Channels, channels, per_channel, plus, times
 from diffshade.errors import BadInput
 from diffshade.harmonics import bands, each_harmonic, order_of
 from diffshade.light.base import AbstractLight, share
@@ -79,6 +79,8 @@ class EnvironmentLight(AbstractLight):
                 f"the environment's harmonics have shape {shape}: give [(order + 1)^2] or"
                 " [(order + 1)^2, C] numbers, as 9 of order 2"
             )
+        if len(shape) == 2:
+            per_channel((None,) * max(self.intensity.size, 1), shape[1])
 
     @classmethod
     def from_image(cls, image: ArrayLike, order: int) -> "EnvironmentLight":
@@ -172,7 +174,9 @@ class EnvironmentLight(AbstractLight):
         intensity = self.radiance(w.astype(dtype)) * jnp.asarray(share[:, None], dtype)
         grey = self.harmonics.ndim == 1 and self.intensity.ndim == 0
         return tuple(
-            ParallelLight(jnp.asarray(direction, dtype), own[0] if grey else own)
+            ParallelLight(
+                jnp.asarray(direction, dtype), own[0] if grey else own, visible=self.visible
+            )
             for direction, own in zip(w, intensity, strict=True)
         )
 

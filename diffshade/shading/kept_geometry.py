@@ -24,10 +24,10 @@ class KeptGeometry(eqx.Module):
     It stands for the G-buffer in `render` and `mean_squared_error` while positions, normals and the
     directions of lights stay as they are: what may change are coefficients, shapes of lobes and body,
     intensities and the constants of attenuations; not the cone of a spot light, nor the harmonics of an
-    environment. It takes for each light
-    a plane for n.l, one for the distance, and one a lobe, four of microfacets. What is rendered from it
-    has no derivative in positions and directions of the scene that it is rendered with: keep it anew
-    where these move, inside what is differentiated.
+    environment, nor what is visible of a light. It takes for each light a plane for n.l, one for the
+    distance, and one a lobe, four of microfacets. What is rendered from it has no derivative in
+    positions, directions and shadows of the scene that it is rendered with: keep it anew where these
+    change, inside what is differentiated.
     """
 
     gbuffer: GBuffer

@@ -73,6 +73,8 @@ def resolved(emitter: L, gbuffer: GBuffer, material: Material, tolerance: ArrayL
 
 def _lowest_order(light: EnvironmentLight, material: Material, most: float) -> int:
     """The order beyond which all degrees together add at most so much."""
+    if material.body is not None:
+        refuse(material.body)
     reflected = np.zeros((light.order + 1, 1))
     for l, a in enumerate(COSINE[: light.order + 1]):
         reflected[l] += np.max(largest(material.kd, material.od)) * a

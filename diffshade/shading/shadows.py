@@ -26,6 +26,7 @@ from diffshade.light.distributed import AbstractEmitter
 from diffshade.light.environment import EnvironmentLight
 from diffshade.light.parallel import ParallelLight
 from diffshade.light.point import AbstractPointLight
+from diffshade.light.visible import check_visible
 
 __all__ = ["shadowed"]
 
@@ -49,9 +50,10 @@ def shadowed(
 
     Of a mesh that is shaded once a face or a vertex so are its shadows.
 
-    A light's plane [P] in `visible` is over the points of this G-buffer. It is a constant to every
-    derivative with respect to surfaces and places of lights, whose shadows' edges do not move: compute it
-    anew where these move. Without it nothing is computed of shadows.
+    A light's plane [P] in `visible` is over the points of this G-buffer; one that has shadows already has
+    both. It is a constant to every derivative with respect to surfaces and places of lights, whose
+    shadows' edges do not move: compute it anew where these move. Without it nothing is computed of
+    shadows.
 
     Raises `BadInput` for a G-buffer without positions, for lights, surfaces or positions that are traced
     by `jit`, `grad` or `vmap`, for a light that is none, and as `ds.visibility` does for a mesh.
@@ -72,10 +74,11 @@ def shadowed(
             "shadows need positions, and this G-buffer has normals only: give"
             " GBuffer.from_arrays a position"
         )
-    if finer < 1:
+    if isinstance(finer, bool) or not isinstance(finer, int) or finer < 1:
         raise BadInput(f"finer is {finer}: give a whole number of at least 1")
     if isinstance(lights, AbstractLight | AbstractEmitter):
         lights = (lights,)
+    check_visible(tuple(x for x in lights if isinstance(x, AbstractLight)), gbuffer.point_count)
     surfaces = [occluders] if isinstance(occluders, AbstractSurface) else list(occluders)
     here = gbuffer.position
     points = np.stack([np.asarray(x, np.float64) for x in (here.x, here.y, here.z)], axis=-1)
@@ -108,8 +111,10 @@ def _of_emitter(emitter: AbstractEmitter, seen: Any, finer: int) -> list[Abstrac
 
     def share(number: int) -> Float[np.ndarray, "P"]:
         members = np.flatnonzero(nearest == number)
+        if not members.size:  # all fall together, in a light that is a point to rounding
+            return 1.0 * seen(own[number])
         lit = sum(power[k] * seen(nodes[k]) for k in members)
-        return np.asarray(lit / power[members].sum())
+        return np.minimum(lit / power[members].sum(), 1)  # as far as rounding goes
 
     with ThreadPoolExecutor(processors()) as threads:
         shares = threads.map(share, range(len(own)))
@@ -139,5 +144,8 @@ def _rays(
 
 
 def _with(light: AbstractLight, share: Any) -> AbstractLight:
+    """The light with what is seen of it now, of what was seen before."""
     dtype = light.intensity.dtype
+    if light.visible is not None:
+        share = np.asarray(light.visible) * share
     return replace(light, visible=jax.device_put(np.asarray(share, dtype)))

@@ -64,7 +64,7 @@ def page_text(shown: Shown) -> str:
     scaling = "pixelated" if factor > 1 else "auto"
     style = f":root {{ {size}; --scaling: {scaling}; }}\n{_resource('view.css')}"
     return Template(_resource("view.html")).substitute(
-        title=escape(shown.title),
+        title=escape(shown.title.encode("utf-8", "replace").decode()),  # a file name may be none
         policy=f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}",
         width=width,
         height=height,

@@ -52,6 +52,8 @@ def mirror_ball(
     >>> mirror_ball([image], circle=Circle(21.5, 20, 15)).directions.round(3).tolist()
     [[0.0, 0.934, 0.358]]
     """
+    if len(sizes := {image.shape[:2] for image in images}) != 1:
+        raise BadInput(f"the photographs have {len(sizes)} sizes: give one or more, of one size")
     if circle is None and mask is not None:
         circle = circle_from_mask(mask)
     elif circle is None:

@@ -24,8 +24,8 @@ def covariance(
 ) -> Float[np.ndarray, "m m"]:
     """Of the estimate, whose gradients sum to about 0.
 
-    By the jackknife, and no less than `noise`^2 H^-1, that of independent errors of this standard
-    deviation; with fewer than four images by the latter alone.
+    By the jackknife, and in no direction less than `noise`^2 H^-1, that of independent errors of this
+    standard deviation; with fewer than four images by the latter alone.
 
     >>> covariance(np.full((4, 1, 1), 2.0), np.zeros((4, 1)), 1.0).tolist()
     [[0.125]]
@@ -41,8 +41,13 @@ def covariance(
     )
     apart = without - without.mean(axis=0)
     between: np.ndarray = (count - 1) / count * apart.T @ apart
-    wider = np.sqrt(np.diagonal(between)) > np.sqrt(np.diagonal(plain))
-    return between if wider.any() else plain
+    # In the axes in which the plain covariance is 1 the larger of both, whatever the direction
+    values, axes = np.linalg.eigh(plain)
+    root = axes * np.sqrt(values.clip(0, None))
+    inverse = np.linalg.pinv(root)
+    ratio, turned = np.linalg.eigh(inverse @ between @ inverse.T)
+    half = root @ turned
+    return np.asarray((half * ratio.clip(1, None)) @ half.T)
 
 
 def half_width(standard_error: float, images: int) -> float:

@@ -191,6 +191,8 @@ def _degrees(a: Float[np.ndarray, "K 3"], b: Float[np.ndarray, "K 3"]) -> Float[
 def _direction(scene: Scene) -> Float[np.ndarray, "3"]:
     if len(scene.lights) != 1 or not isinstance(scene.lights[0], ParallelLight):
         raise BadInput("a scene has not one parallel light: only the direction of that is refined")
+    if scene.lights[0].visible is not None:
+        raise BadInput("a light has the shadows of where it was: refine it first, then ds.shadowed")
     direction = np.asarray(scene.lights[0].direction, float)
     return np.asarray(direction / np.linalg.norm(direction))
 

@@ -42,8 +42,12 @@ def undistort(
         raise BadInput(
             f"coefficients are {tuple(coefficients)}: give k1, k2, p1, p2 and, or not, k3"
         )
-    if not focal > 0:
+    if not 0 < focal < np.inf:
         raise BadInput(f"focal is {focal:g}: give pixels above 0")
+    if centre is not None and not np.isfinite(centre).all():
+        raise BadInput(f"centre is {centre}: give pixels from the top left corner")
+    if image.dtype == np.float16:
+        image = image.astype(np.float32)
     cv2 = opencv()
     height, width, channels = image.shape
     x, y = (width / 2, height / 2) if centre is None else centre

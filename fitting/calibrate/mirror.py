@@ -29,7 +29,9 @@ __all__ = ["Highlight", "ball_of", "find_highlight", "mirrored"]
 CORE = 0.9
 """Of the brightest pixel: from here on a sensor that clips says the same of all."""
 FEWEST = 12
-"""Pixels of a core that is flat, as where the sensor clipped."""
+"""Pixels of a core that is flat, as where the sensor clipped ..."""
+FLAT = 0.97
+"""... its median, of the brightest pixel: that of a core as round as a Gaussian's is 0.95."""
 THIN = 0.25
 """Of the core's greatest depth: streaks that are thinner do not count."""
 FOOT = 0.05
@@ -79,17 +81,18 @@ def find_highlight(
     if not inside.any():
         raise BadInput("no pixel lies on the ball: correct the circle or the mask")
     values = np.where(inside, brightness, 0)
-    peak, ground = float(values.max()), float(np.median(values[inside]))
+    peak, ground = float(values[inside].max()), float(np.median(values[inside]))
     if not peak > ground:
         raise BadInput("the ball shows no highlight: every pixel of it has one value")
-    core = values >= max(CORE * peak, ground)
-    if clipped := np.count_nonzero(core) >= FEWEST:
+    core = inside & (values >= max(CORE * peak, ground))
+    wide = np.count_nonzero(core) >= FEWEST
+    if clipped := wide and float(np.median(values[core])) > FLAT * peak:
         depth = ndimage.distance_transform_edt(core)
         weight = np.maximum(depth - THIN * depth.max(), 0)
         core = weight > 0
     else:
         level = ground + FOOT * (peak - ground)
-        core = values > level
+        core = inside & (values > level)
         weight = np.where(core, values - level, 0)
     spots, count = ndimage.label(core, structure=np.ones((3, 3)) if not clipped else None)
     sizes = ndimage.sum_labels(weight, spots, np.arange(1, count + 1))

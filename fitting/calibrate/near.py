@@ -58,7 +58,10 @@ def near_light(
     points, l = np.asarray(points, float), np.asarray(directions, float)
     if len(points) < 2:
         raise BadInput("one ball tells a light's direction only: give the rays of two at the least")
-    l = l / np.linalg.norm(l, axis=-1, keepdims=True)
+    norm = np.linalg.norm(l, axis=-1, keepdims=True)
+    if not (np.isfinite(points).all() and np.isfinite(l).all() and (norm > 0).all()):
+        raise BadInput("a ray is not finite, or has no direction: give three numbers each")
+    l = l / norm
     across = np.eye(3) - l[:, :, None] * l[:, None, :]
     if np.linalg.eigvalsh(across.mean(axis=0))[0] < PARALLEL:
         raise BadInput("the rays are parallel: the light is too far away to tell where it is")
@@ -68,6 +71,8 @@ def near_light(
         moment = ((across @ points[:, :, None])[..., 0] * weight[:, None]).sum(axis=0)
         x = np.linalg.solve(matrix, moment)
         along = ((x - points) * l).sum(axis=-1)
+        if not np.abs(along).max() > 0:
+            raise BadInput("the rays meet in the balls themselves: give rays from different points")
         weight = 1 / np.maximum(along, np.abs(along).max() * 1e-3) ** 2
     if (along <= 0).any():
         raise BadInput(

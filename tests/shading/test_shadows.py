@@ -133,6 +133,50 @@ def test_a_half_plane_before_a_lamp() -> None:
         assert abs(found[0, k, 0].item() - expected) < 0.25 / 64
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.37])
+def test_a_lamp_on_a_surface_is_not_hidden_by_it(tilt: float) -> None:
+    """A panel in a ceiling, a lamp on a ball, and a ball that glows: the floor under them is lit."""
+    floor = points_at(RNG.uniform(-1, 1, (30, 3)) * [1, 1, 0])
+    u, v = np.array([np.cos(tilt), 0, np.sin(tilt)]), np.array([0.0, -1.0, 0.0])
+    at = np.array([0.013, -0.021, 2.7])
+    corners = at + 3 * np.array([-u - v, u - v, u + v, -u + v])
+    ceiling = ds.Mesh(corners, [[0, 1, 2], [0, 2, 3]])
+    panel = ds.RectangleLight(at, u, v, samples=2)
+    for element in shadowed(panel, floor, ceiling):
+        np.testing.assert_array_equal(np.asarray(element.visible), 1)
+    shade = ds.Mesh(corners - [0, 0, 1e-3], [[0, 1, 2], [0, 2, 3]])
+    for element in shadowed(panel, floor, (ceiling, shade)):
+        np.testing.assert_array_equal(np.asarray(element.visible), 0)
+    ball = ds.Sphere((0.3, 0.1, 2.0), 0.6)
+    below = np.array([0.3, 0.1, 2.0]) - 0.6 * np.array([np.sin(tilt), 0, np.cos(tilt)])
+    under = points_at(RNG.uniform(-0.3, 0.3, (30, 3)) * [1, 1, 0] + [0.3, 0.1, 0])
+    np.testing.assert_array_equal(seen(ds.PointLight(below), under, ball), 1)
+    np.testing.assert_array_equal(seen(ds.PointLight((0.3, 0.1, 2.6)), under, ball), 0)
+    glowing = ds.SphereLight((0.3, 0.1, 2.0), 0.6, samples=6)
+    bare = ds.render(under, ds.Scene(lights=glowing), WHITE)
+    itself = ds.render(under, ds.Scene(lights=shadowed(glowing, under, ball)), WHITE)
+    np.testing.assert_allclose(itself, bare, rtol=0.02)
+
+
+def test_shadows_add_to_those_that_are_there() -> None:
+    floor = points_at(RNG.uniform(-1, 1, (200, 3)) * [1, 1, 0])
+    lamp, a, b = ds.PointLight((0, 0, 4)), ds.Sphere((0.4, 0, 1), 0.4), ds.Sphere((-0.4, 0, 1), 0.4)
+    one_by_one = seen(shadowed(lamp, floor, a), floor, b)
+    np.testing.assert_array_equal(one_by_one, seen(lamp, floor, (a, b)))
+    assert 0 < one_by_one.mean() < seen(lamp, floor, b).mean()
+    half = ds.EnvironmentLight([1.0], visible=np.full(200, 0.5))
+    assert all((np.asarray(x.visible) == 0.5).all() for x in half.as_lights(2))
+    with pytest.raises(BadInput, match="give a share, 0 to 1"):
+        ds.PointLight((0, 0, 4), visible=np.full(200, 50.0))
+
+
+def test_a_light_that_rounding_makes_a_point() -> None:
+    floor = points_at(RNG.uniform(-1, 1, (20, 3)) * [1, 1, 0])
+    lamp = ds.DiscLight((1000, 1000, 1000), (0, 0, -1), 1e-14)
+    for element in shadowed(lamp, floor, ds.Sphere((0, 0, 1), 0.1)):
+        assert np.asarray(element.visible).shape == (20,)
+
+
 def test_the_share_is_a_factor_on_the_light() -> None:
     gbuffer = ds.gbuffer(FLOOR, ABOVE)
     lights = (
@@ -193,6 +237,10 @@ def test_a_fit_knows_the_shadows(images: int) -> None:
         np.testing.assert_allclose(np.asarray(solved.kd), [0.6, 0.4], rtol=1e-3)
     with pytest.raises(BadInput, match="by `valid`"):
         fitting.fit_maps(taken, gbuffer, scenes)
+    if images == 3:
+        halves = np.where(np.arange(64) < 32, 1, 2) * np.ones((64, 1), int)
+        maps = fitting.fit_maps(taken, gbuffer, scenes, regions=halves, material=material)
+        assert float(np.nanmax(np.abs(maps.material.kd - np.array([[0.6], [0.4]])))) < 1e-3
 
 
 @requires_povray

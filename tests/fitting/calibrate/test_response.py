@@ -43,18 +43,32 @@ def test_the_jackknife_of_a_mean_is_the_variance_of_the_mean(rng: np.random.Gene
     np.testing.assert_allclose(found[0, 0], left.var(ddof=1) / 50, rtol=1e-9)
 
 
+def test_what_images_agree_on_is_no_surer_than_noise_allows() -> None:
+    """Where they disagree about one number, another keeps the error that noise gives it."""
+    hessians = np.stack([10 * np.eye(2)] * 4)
+    gradients = np.array([[0.0, 300.0], [0.0, -300.0], [0.0, 200.0], [0.0, -200.0]])
+    found = np.diagonal(covariance(hessians, gradients, 1.0))
+    assert abs(found[0] - 1 / 40) < 1e-12
+    assert found[1] > 100
+
+
 def test_brackets_give_radiance_in_proportion(rng: np.random.Generator) -> None:
     pytest.importorskip("cv2")
     radiance = np.geomspace(0.02, 2.0, 64 * 64).reshape(64, 64, 1)
     radiance = rng.permutation(radiance.ravel()).reshape(64, 64, 1)
-    seconds = (0.1, 0.25, 0.5, 1.0, 2.0)
+    radiance[3, 4] = 40.0
+    seconds = (0.1, 0.5, 2.0)
     codes = [
         np.round(255 * (radiance * t).clip(0, 1) ** (1 / 2.2)).astype(np.uint8) for t in seconds
     ]
     merged = merge_brackets(codes, seconds)
-    ratio = np.log(merged.radiance / radiance)
     assert merged.radiance.shape == radiance.shape
-    assert ratio.std() < 0.05
+    assert not merged.valid[3, 4]  # clipped in all
+    assert merged.valid.mean() > 0.99
+    assert np.log(merged.radiance / radiance)[merged.valid].std() < 0.01
+    for wrong, told in ((codes[0][:8], "16 a side"), (codes[0][..., [0, 0]], "2 channels")):
+        with pytest.raises(BadInput, match=told):
+            merge_brackets([wrong] * 3, seconds)
 
 
 def test_a_distorted_grid_is_straight_again() -> None:
