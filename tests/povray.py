@@ -15,6 +15,9 @@ of a light where n.l < 1e-10. `render` writes a scene from plain dictionaries (t
   attenuation of the model is f <= 1 at every distance and its clamp is never active, while
   POV-Ray's own factor lies above 1 nearer than D: the factor 2 belongs to the intensity.
   Constants with c1 and c2 both positive, or c0 < 1 (where the clamp may act), are refused.
+  The law 1 / d^2, "inverse_square", is the same with D so small beside d that the 1 is nothing.
+- **Mirrors.** A material's `reflection` shows the other objects, and what emits by its `ka`; light
+  sources themselves are not seen. A mirror throws no light on the others.
 - **Cameras.** POV-Ray is left-handed only by its default vectors and by `look_at`. `direction`,
   `right` and `up` as given are taken as they are, so our right-handed axes go in unchanged. The
   ray of a pixel goes through its centre; `right` and `up` span the image.
@@ -51,6 +54,8 @@ requires_povray = pytest.mark.skipif(
     shutil.which("povray") is None,
     reason="POV-Ray is not installed (Debian: apt-get install povray)",
 )
+NEAR = 1e-3
+"""A distance that is nothing beside those of the scenes."""
 
 
 def render(
@@ -97,10 +102,11 @@ def scene(
     shadows: bool = False,
 ) -> str:
     """The grey scene as POV-Ray reads it. Every coefficient and intensity is one number."""
+    depth = 2 if any("reflection" in material for _, material in objects) else 1
     parts = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1 "
-        f"ambient_light rgb {ambient!r} adc_bailout 0 max_trace_level 1 }}",
+        f"ambient_light rgb {ambient!r} adc_bailout 0 max_trace_level {depth} }}",
         _camera(camera),
         *(_light(light) for light in lights),
         *(_object(geometry, material, shadows) for geometry, material in objects),
@@ -139,7 +145,10 @@ def _light(light: Plain) -> str:
         )
     fade = ""
     constants = light.get("attenuation")
-    if constants is not None:
+    if constants == "inverse_square":
+        fade = f" fade_distance {NEAR!r} fade_power 2"
+        intensity = intensity / (2.0 * NEAR**2)
+    elif constants is not None:
         c0, c1, c2 = (float(constants.get(name, 0.0)) for name in ("c0", "c1", "c2"))
         if c0 < 1.0 or (c1 > 0.0 and c2 > 0.0):
             raise ValueError(f"POV-Ray cannot attenuate by {c0, c1, c2}: c0 >= 1, c1 or c2 zero")
@@ -156,6 +165,8 @@ def _object(geometry: Plain, material: Plain, shadows: bool) -> str:
         f"ambient {material['ka']!r} diffuse {material['kd']!r} "
         f"phong {material['ks']!r} phong_size {float(material.get('shininess', 1.0))!r}"
     )
+    if "reflection" in material:
+        finish += f" reflection {float(material['reflection'])!r}"
     texture = f"texture {{ pigment {{ rgb 1 }} finish {{ {finish} }} }}"
     texture += "" if shadows else " no_shadow"
     if geometry["kind"] == "sphere":

@@ -13,6 +13,8 @@ from .mirror import find_highlight as find_highlight
 from .mirror import mirrored as mirrored
 from .near import NearLight as NearLight
 from .near import near_light as near_light
+from .near_lights import NearLights as NearLights
+from .near_lights import refine_near_lights as refine_near_lights
 from .outline import circle_from_images as circle_from_images
 from .perspective import sphere_of_circle as sphere_of_circle
 from .perspective import sphere_of_outline as sphere_of_outline

@@ -31,7 +31,7 @@ from fitting.found import Fit
 from fitting.limits import Bounds
 from fitting.weights import Tukey
 
-__all__ = ["MovedLight", "RefinedLights", "moved_lights", "refine_lights"]
+__all__ = ["MovedLight", "RefinedLights", "moved_lights", "refine_lights", "tangents"]
 
 ROUNDS = 12
 STEPS = 8
@@ -223,7 +223,7 @@ def _light(
     observed = np.asarray(image, float)[used]
     for _ in range(STEPS):
         l = _direction(scene)
-        across = _tangents(l)
+        across = tangents(l)
         predicted, slopes = _slopes(
             gbuffer, scene, material, jnp.asarray(across, gbuffer.normal.x.dtype)
         )
@@ -252,7 +252,7 @@ def _light(
     return _direction(scene), strength, both
 
 
-def _tangents(l: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
+def tangents(l: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
     """Two unit vectors across a direction, and across each other."""
     first = np.cross(l, np.eye(3)[np.abs(l).argmin()])
     first /= np.linalg.norm(first)

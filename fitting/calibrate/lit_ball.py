@@ -1,0 +1,155 @@
+"""A ball whose place is nearly known, and lamps on rays that are nearly known: the model of both.
+
+The unknowns theta are those that all images share, k, the three numbers of the ball's outline in pixels
+(right, up, out) and the shapes u of the lobes; then for each image's lamp the tangents of two angles across
+its ray and the logarithm of the distance along it, relative to where it starts. A pixel moves a ball of
+radius R at the distance D by D / f across the line of sight; one of radius moves it by D / r along it,
+r = f R / D being that of the outline, f the focal length in pixels.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from diffshade.errors import BadInput
+from diffshade.geometry.camera import PerspectiveCamera
+from diffshade.geometry.sphere import Sphere
+from diffshade.geometry.surface import Visibility
+from diffshade.geometry.view import gbuffer, visibility
+from fitting.columns import Photo, predict, scenery
+from fitting.model import Model
+
+__all__ = ["OF_LAMP", "OUTLINE", "LitBall", "moves_of", "pulls", "well_inside"]
+
+RIM = 0.95
+"""Of the outline's radius: pixels beyond are not looked at, as they are partly background."""
+OUTLINE, OF_LAMP = 3, 3
+"""Numbers of the ball, and of each lamp."""
+
+
+class LitBall(eqx.Module):
+    """Photographs at some pixels of a ball, and where ball and lamps are when their unknowns are 0.
+
+    `moves` are what the centre moves by for each number of the outline; `rays` the direction of
+    each image's lamp and two across it, from `points`, `distances` how far along it the lamp is.
+    """
+
+    index: Int[Array, "P"]
+    block: Int[Array, "P"]
+    photos: Photo
+    model: Model
+    camera: PerspectiveCamera
+    ball: Sphere
+    moves: Float[Array, "3 3"]
+    points: Float[Array, "K 3"]
+    rays: Float[Array, "K 3 3"]
+    distances: Float[Array, "K"]
+    blocks: int = eqx.field(static=True)
+
+    @property
+    def linear(self) -> int:
+        """How many numbers k has."""
+        return self.model.channel_count * self.model.column_count
+
+    @property
+    def shared(self) -> int:
+        """How many unknowns all images have in common."""
+        return self.linear + OUTLINE + self.model.size
+
+    def k(self, theta: Float[Array, "n"]) -> Float[Array, "C p"]:
+        """The linear coefficients."""
+        return theta[: self.linear].reshape(self.model.channel_count, -1)
+
+    def u(self, theta: Float[Array, "n"]) -> Float[Array, "q"]:
+        """The shapes."""
+        return theta[self.linear + OUTLINE : self.shared]
+
+    def sphere(self, theta: Float[Array, "n"]) -> Sphere:
+        """The ball."""
+        outline = theta[self.linear : self.linear + OUTLINE]
+        return Sphere(self.ball.center + outline @ self.moves, self.ball.radius)
+
+    def positions(self, theta: Float[Array, "n"]) -> Float[Array, "K 3"]:
+        """Of all lamps."""
+        of_lamps = theta[self.shared :].reshape(-1, OF_LAMP)
+        return jax.vmap(_position)(self.points, self.rays, self.distances, of_lamps)
+
+
+def _position(
+    point: Float[Array, "3"],
+    ray: Float[Array, "3 3"],
+    distance: Float[Array, ""],
+    moved: Float[Array, "3"],
+) -> Float[Array, "3"]:
+    l, first, second = ray
+    return point + distance * jnp.exp(moved[2]) * (l + moved[0] * first + moved[1] * second)
+
+
+def well_inside(sphere: Sphere, camera: PerspectiveCamera) -> Visibility:
+    """Those that see the ball well within its outline, where sin(angle to its centre) = R / D."""
+    index = np.asarray(visibility(sphere, camera).index)
+    towards = np.asarray(sphere.center, float) - np.asarray(camera.position, float)
+    towards /= np.linalg.norm(towards)
+    d = np.asarray(camera.rays(index).direction.to_array(), float)
+    away = np.linalg.norm(np.cross(d, towards), axis=-1)
+    inside = away < RIM * away.max(initial=0)
+    if not inside.any():
+        raise BadInput("the camera sees nothing of the ball: correct its place")
+    return Visibility((camera.height, camera.width), index[inside])
+
+
+def moves_of(sphere: Sphere, camera: PerspectiveCamera) -> tuple[Float[np.ndarray, "3 3"], float]:
+    """What the centre moves by as the outline moves right, up, and out by a pixel; its radius."""
+    away = np.asarray(sphere.center, float) - np.asarray(camera.position, float)
+    distance = float(np.linalg.norm(away))
+    right, up = (np.asarray(axis.to_array(), float) for axis in camera.axes()[:2])
+    focal = camera.height / (2 * np.tan(float(camera.fov) / 2))
+    radius = focal * float(sphere.radius) / distance
+    across = np.stack([right, up])
+    across -= np.outer(across @ away, away) / distance**2
+    return np.append(across * distance / focal, -away[None] / radius, axis=0), radius
+
+
+@eqx.filter_jit
+def pulls(
+    seen: LitBall, theta: Float[Array, "n"]
+) -> tuple[Float[Array, "K n n"], Float[Array, "K B n"], Float[Array, "K"]]:
+    """Of each image J'J, what each block adds to J'r, and r'r, in the shared unknowns and its own lamp's.
+
+    J is the derivative of the residual r = observed - predicted.
+    """
+    shape = (seen.camera.height, seen.camera.width)
+
+    def of_image(
+        one: tuple[Photo, Array, Array, Array, Array],
+    ) -> tuple[Float[Array, "n n"], Float[Array, "B n"], Float[Array, ""]]:
+        photo, *ray, lamp = one
+
+        def left(local: Float[Array, "n"]) -> Float[Array, "C P"]:
+            surface = gbuffer(seen.sphere(local), seen.camera, Visibility(shape, seen.index))
+            there = _position(*ray, local[seen.shared :])
+            light: Any = photo.lights[0]
+            lit = eqx.tree_at(
+                lambda p: p.lights[0].position, photo, there.reshape(light.position.shape)
+            )
+            at = scenery(lit, surface, seen.model.material)
+            predicted = predict(seen.model.columns(seen.u(local), at), seen.k(local))
+            return (photo.observed - jnp.stack(predicted)) * photo.weight
+
+        local = jnp.concatenate([theta[: seen.shared], lamp])
+        residual, push = jax.linearize(left, local)
+        jacobian = jax.vmap(push)(jnp.eye(local.size, dtype=local.dtype))
+        each = jnp.einsum("mcp,cp->pm", jacobian, residual)
+        return (
+            jnp.einsum("mcp,ncp->mn", jacobian, jacobian),
+            jax.ops.segment_sum(each, seen.block, seen.blocks),
+            jnp.sum(residual**2),
+        )
+
+    lamps = theta[seen.shared :].reshape(-1, OF_LAMP)
+    images = (seen.photos, seen.points, seen.rays, seen.distances, lamps)
+    return jax.lax.map(of_image, images)
