@@ -1,10 +1,10 @@
 """A ball whose place is nearly known, and lamps on rays that are nearly known: the model of both.
 
 The unknowns theta are those that all images share, k, the three numbers of the ball's outline in pixels
-(right, up, out) and the shapes u of the lobes; then for each image's lamp the tangents of two angles across
-its ray and the logarithm of the distance along it, relative to where it starts. A pixel moves a ball of
-radius R at the distance D by D / f across the line of sight; one of radius moves it by D / r along it,
-r = f R / D being that of the outline, f the focal length in pixels.
+(right, up, out) and the shapes u of the lobes; then for each image's lamp the tangents of two angles
+across its ray and the logarithm of the distance along it, relative to where it starts. A pixel moves a
+ball of radius R at the distance D by D / f across the line of sight; one of radius moves it by D / r
+along it, r = f R / D being that of the outline, f the focal length in pixels.
 """
 
 from typing import Any
@@ -23,19 +23,45 @@ from diffshade.geometry.view import gbuffer, visibility
 from fitting.columns import Photo, predict, scenery
 from fitting.model import Model
 
-__all__ = ["OF_LAMP", "OUTLINE", "LitBall", "moves_of", "pulls", "well_inside"]
+__all__ = [
+    "OF_LAMP",
+    "OUTLINE",
+    "LitBall",
+    "Pulls",
+    "moves_of",
+    "pulls",
+    "well_inside",
+]
 
 RIM = 0.95
 """Of the outline's radius: pixels beyond are not looked at, as they are partly background."""
+KNOTS = 16
+"""Levels at which the codes of a channel may be off, each alone; between them linearly."""
+FULL = 255
+"""The largest code."""
 OUTLINE, OF_LAMP = 3, 3
 """Numbers of the ball, and of each lamp."""
+
+
+class Pulls(eqx.Module):
+    """Of each image, in the shared unknowns and its own lamp's; J is the derivative of the residual r.
+
+    `gram` is J'J, `blocks` what each block adds to J'r, `square` r'r, `codes` what an error of one
+    code at each knot of each channel would add to J'r.
+    """
+
+    gram: Float[Array, "K n n"]
+    blocks: Float[Array, "K B n"]
+    square: Float[Array, "K"]
+    codes: Float[Array, "K s n"] | None
 
 
 class LitBall(eqx.Module):
     """Photographs at some pixels of a ball, and where ball and lamps are when their unknowns are 0.
 
     `moves` are what the centre moves by for each number of the outline; `rays` the direction of
-    each image's lamp and two across it, from `points`, `distances` how far along it the lamp is.
+    each image's lamp and two across it, from `points`, `distances` how far along it the lamp is;
+    `levels` the radiance of codes at equal distances, where codes may be off.
     """
 
     index: Int[Array, "P"]
@@ -48,6 +74,7 @@ class LitBall(eqx.Module):
     points: Float[Array, "K 3"]
     rays: Float[Array, "K 3 3"]
     distances: Float[Array, "K"]
+    levels: Float[Array, "t"] | None
     blocks: int = eqx.field(static=True)
 
     @property
@@ -115,21 +142,14 @@ def moves_of(sphere: Sphere, camera: PerspectiveCamera) -> tuple[Float[np.ndarra
 
 
 @eqx.filter_jit
-def pulls(
-    seen: LitBall, theta: Float[Array, "n"]
-) -> tuple[Float[Array, "K n n"], Float[Array, "K B n"], Float[Array, "K"]]:
-    """Of each image J'J, what each block adds to J'r, and r'r, in the shared unknowns and its own lamp's.
-
-    J is the derivative of the residual r = observed - predicted.
-    """
+def pulls(seen: LitBall, theta: Float[Array, "n"]) -> Pulls:
+    """What tells a step and its errors, of the residual r = observed - predicted."""
     shape = (seen.camera.height, seen.camera.width)
 
-    def of_image(
-        one: tuple[Photo, Array, Array, Array, Array],
-    ) -> tuple[Float[Array, "n n"], Float[Array, "B n"], Float[Array, ""]]:
+    def of_image(one: tuple[Any, ...]) -> Pulls:
         photo, *ray, lamp = one
 
-        def left(local: Float[Array, "n"]) -> Float[Array, "C P"]:
+        def image(local: Float[Array, "n"]) -> Float[Array, "C P"]:
             surface = gbuffer(seen.sphere(local), seen.camera, Visibility(shape, seen.index))
             there = _position(*ray, local[seen.shared :])
             light: Any = photo.lights[0]
@@ -137,19 +157,34 @@ def pulls(
                 lambda p: p.lights[0].position, photo, there.reshape(light.position.shape)
             )
             at = scenery(lit, surface, seen.model.material)
-            predicted = predict(seen.model.columns(seen.u(local), at), seen.k(local))
-            return (photo.observed - jnp.stack(predicted)) * photo.weight
+            return jnp.stack(predict(seen.model.columns(seen.u(local), at), seen.k(local)))
 
         local = jnp.concatenate([theta[: seen.shared], lamp])
-        residual, push = jax.linearize(left, local)
-        jacobian = jax.vmap(push)(jnp.eye(local.size, dtype=local.dtype))
+        predicted, push = jax.linearize(image, local)
+        residual = (photo.observed - predicted) * photo.weight
+        jacobian = -jax.vmap(push)(jnp.eye(local.size, dtype=local.dtype)) * photo.weight
+        codes = None
+        if seen.levels is not None:
+            off = _hats(seen.levels, predicted) * photo.weight
+            codes = jnp.einsum("jcp,mcp->cjm", off, jacobian).reshape(-1, local.size)
         each = jnp.einsum("mcp,cp->pm", jacobian, residual)
-        return (
+        return Pulls(
             jnp.einsum("mcp,ncp->mn", jacobian, jacobian),
             jax.ops.segment_sum(each, seen.block, seen.blocks),
             jnp.sum(residual**2),
+            codes,
         )
 
     lamps = theta[seen.shared :].reshape(-1, OF_LAMP)
     images = (seen.photos, seen.points, seen.rays, seen.distances, lamps)
     return jax.lax.map(of_image, images)
+
+
+def _hats(levels: Float[Array, "t"], radiance: Float[Array, "C P"]) -> Float[Array, "j C P"]:
+    """What an error of one code at each knot adds to the radiance, linear between knots."""
+    last = len(levels) - 1
+    steps = jnp.gradient(levels) * (last / FULL)
+    at = jnp.arange(last + 1, dtype=levels.dtype)
+    level = jnp.interp(radiance, levels, at)
+    away = jnp.abs(level * ((KNOTS - 1) / last) - np.arange(KNOTS)[:, None, None])
+    return jnp.maximum(1 - away, 0) * jnp.interp(level, at, steps)

@@ -1,21 +1,24 @@
 """Near lamps, the ball that they light and its material, all refined together.
 
 One mirror ball tells the ray on which a lamp stands, and not how far along it. The shading of a second
-ball does: its highlight and its terminator see the lamp from somewhere else, and the light falls off across
-it. Linear coefficients k, shapes u, the ball's place and the lamps are found together by
+ball does: its highlight and its terminator see the lamp from somewhere else, and the light falls off
+across it. Linear coefficients k, shapes u, the ball's place and the lamps are found together by
 
     min over theta of |I - A(ball, lamps, u) k|^2 + s^2 sum of (theta / sigma)^2,
 
-the second sum being over what outline and rays are known to beforehand, s the noise of the images; by
-Levenberg's and Marquardt's method on the normal equations, which are those of a few unknowns.
+the second sum being over what outline and rays are known to beforehand, by Levenberg's and Marquardt's
+method on the normal equations, which are those of a few unknowns.
 
-Errors are those of the estimate as it is (Huber 1967), the pixels of a block of 16 x 16 taken as one
-observation (Liang and Zeger 1986): with H = J'J + P, P the priors', and g_b what block b adds to J'r,
+Errors are those of the estimate as it is (Huber 1967): with H = J'J + s^2 P, P = diag(sigma^-2),
 
-    cov = H^-1 (sum over b of g_b g_b' + s^2 P) H^-1.
+    cov = H^-1 (M + s^2 s^2 P) H^-1,    M = sum over b of g_b g_b' + e^2 sum over j of c_j c_j'.
 
-JPEG codes such a block as a whole, so that its errors are of one piece, and a model that is not quite
-right errs over a neighbourhood; s^2 H^-1 would take each pixel for another witness.
+M is what the images' errors add to J'r. The pixels of a block of 16 x 16 are one observation, g_b (Liang
+and Zeger 1986): JPEG codes such a block as a whole, and a model that is not quite right errs over a
+neighbourhood. And codes of 8 bits are off: rounding, of Y, C_b and C_r above all, moves all pixels of one
+colour alike by a fifth of a code, which no number of pixels averages away; c_j is what one code at
+level j of a channel would add, e = 0.2. The noise s^2 = tr(H^-1 M) / n is what pixels that knew nothing of
+each other would have, to tell no more than these do: the residual's own would let shading outvote rays.
 """
 
 from collections.abc import Sequence
@@ -34,11 +37,20 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.geometry.sphere import Sphere
 from diffshade.geometry.surface import Visibility
 from diffshade.geometry.view import gbuffer, visibility
+from diffshade.io.encoding import decode
 from diffshade.light.point import PointLight
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.calibrate.joint_lights import tangents
-from fitting.calibrate.lit_ball import OF_LAMP, OUTLINE, LitBall, moves_of, pulls, well_inside
+from fitting.calibrate.lit_ball import (
+    OF_LAMP,
+    OUTLINE,
+    LitBall,
+    Pulls,
+    moves_of,
+    pulls,
+    well_inside,
+)
 from fitting.columns import Photo
 from fitting.estimate import fit
 from fitting.intervals import quantile
@@ -56,6 +68,9 @@ FARTHEST = 0.04
 """Of the outline's radius, by which it may move."""
 TURN, STRETCH = 0.3, 1.5
 """How far a ray may turn (radians), and a lamp move along it (the logarithm of its distance)."""
+LEVELS = np.linspace(0, 1, 1021)
+CODE = 0.2
+"""The standard deviation of a code of 8 bits, from what it should be at a level."""
 MAX_STEPS = 64
 ARRIVED = 1e-3
 """Of the noise's variance: what the sum of squares has left to fall."""
@@ -113,6 +128,7 @@ def refine_near_lights(
     material: Material | None = None,
     bounds: Bounds | None = None,
     valid: Sequence[Bool[np.ndarray, "H W"]] | None = None,
+    encoding: str | float | None = None,
 ) -> NearLights:
     """The place of the lamp of each image, with the place of the ball that it lights and its material.
 
@@ -123,7 +139,8 @@ def refine_near_lights(
     deviation of each of centre and radius; 0: exactly). `points` and `directions` are the rays on which
     `mirrored` has the lamps, known to `degrees`; a scene's position then tells only the distance to
     start from. Rows of images without a lamp are not looked at. Without rays nothing is known of the
-    lamps beforehand.
+    lamps beforehand. `encoding` says what 8-bit files the images were decoded from ("srgb", "linear" or
+    a gamma), whose rounding the intervals then allow for; None: from none.
 
     An exposure that is unknown is a factor on every k, as is the lamp's intensity on k_d and k_s: open
     the `bounds` above, and read `ratio`, in which it cancels, or divide by what a gray card tells.
@@ -163,6 +180,7 @@ def refine_near_lights(
         _photos(images, pixels, moved, valid, dtype),
         model,
         *in_precision((camera, sphere, moves, start, rays, distances), dtype),
+        None if encoding is None else jnp.asarray(decode(LEVELS, encoding), dtype),
         blocks,
     )
     limit = limits(model, frozenset(), plain, bounds or {}, start_given=False)
@@ -172,7 +190,14 @@ def refine_near_lights(
     k = np.stack([first.coefficients[name] for name in linear_names(model.material)], axis=-1)
     theta = np.concatenate([k.ravel(), [0.0] * OUTLINE, u, 0 * of_lamps])
     box = tuple(
-        np.concatenate([linear.ravel(), [sign * off] * OUTLINE, of_u, sign * of_lamps])
+        np.concatenate(
+            [
+                linear.ravel(),
+                [sign * off] * OUTLINE,
+                of_u,
+                sign * of_lamps,
+            ]
+        )
         for sign, linear, of_u in zip((-1, 1), (limit.lower, limit.upper), limit.box, strict=True)
     )
     ray = np.inf if directions is None else np.radians(degrees)
@@ -274,60 +299,85 @@ def _descended(
     """Levenberg's and Marquardt's method in a box; what rests on a bound stays there."""
     lower, upper = box
     dtype = seen.distances.dtype
-    count = float(jnp.sum(seen.photos.weight)) * seen.model.channel_count
-    count -= np.count_nonzero(lower < upper)
+    eps, variable = float(jnp.finfo(dtype).eps), lower < upper
 
-    def at(theta: Float[np.ndarray, "n"]) -> tuple[np.ndarray, np.ndarray, float]:
-        return _assembled(seen, *pulls(seen, jnp.asarray(theta, dtype)))
+    def at(theta: Float[np.ndarray, "n"]) -> _Pulled:
+        return _assembled(seen, pulls(seen, jnp.asarray(theta, dtype)))
 
     here, damping, converged = at(theta), 1e-3, False
     for _ in range(MAX_STEPS):
-        gram, each, square = here
-        prior = square / count / sigma**2
-        pull = each.sum(axis=0) + prior * theta
-        free = (lower < upper) & ~((theta <= lower) & (pull > 0) | (theta >= upper) & (pull < 0))
-        hessian = (gram + np.diag(prior))[np.ix_(free, free)]
+        noise = _noise(here, variable, eps)
+        prior = noise / sigma**2
+        pull = here.pull + prior * theta
+        free = variable & ~((theta <= lower) & (pull > 0) | (theta >= upper) & (pull < 0))
+        hessian = (here.gram + np.diag(prior))[np.ix_(free, free)]
         scale = np.sqrt(np.maximum(np.diagonal(hessian), np.finfo(float).tiny))
         scaled = hessian / np.outer(scale, scale) + damping * np.eye(len(scale))
         step = np.zeros_like(theta)
         step[free] = -np.linalg.solve(scaled, pull[free] / scale) / scale
-        next_theta = np.clip(theta + step, lower, upper)
-        there = at(next_theta)
-        worth = square + prior @ theta**2 - there[2] - prior @ next_theta**2
-        # How much the sum of squares has left to fall, beside its noise
-        left = float(pull @ (theta - next_theta)) * count / square
-        if worth >= 0:
-            theta, here, damping = next_theta, there, max(damping / 10, 1e-9)
+        there = np.clip(theta + step, lower, upper)
+        found = at(there)
+        converged = bool(pull @ (theta - there) < ARRIVED * noise)
+        if here.square + prior @ theta**2 >= found.square + prior @ there**2:
+            theta, here, damping = there, found, max(damping / 10, 1e-9)
         else:
             damping *= 10
-        if converged := left < ARRIVED:
+        if converged:
             break
-    gram, each, square = here
-    noise = square / count
+    noise = _noise(here, variable, eps)
     known = np.diag(noise / sigma**2)
-    told = spectrum(gram + known, lower < upper, float(jnp.finfo(dtype).eps))
+    told = spectrum(here.gram + known, variable, eps)
     inverse = told.root @ told.root.T
-    used = np.count_nonzero(each.any(axis=1))
+    used = np.count_nonzero(here.blocks.any(axis=1))
     degrees = float(max(used - told.root.shape[1], 1))
-    moved = each @ inverse
-    covariance = used / degrees * moved.T @ moved + noise * inverse @ known @ inverse
+    covariance = inverse @ (here.spread + noise * known) @ inverse
     blind = np.abs(told.null).max(axis=1, initial=0) > told.tolerance
     covariance[blind, blind] = np.inf
-    return _Minimum(theta, covariance, quantile(degrees), square, converged)
+    return _Minimum(theta, covariance, quantile(degrees), here.square, converged)
 
 
-def _assembled(
-    seen: LitBall, grams: Array, pulls: Array, squares: Array
-) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "B n"], float]:
-    """J'J, what each block of each image adds to J'r, and r'r, over all unknowns."""
-    images, count = len(squares), seen.shared
-    gram = np.zeros((count + OF_LAMP * images,) * 2)
-    each = np.zeros((images, pulls.shape[1], len(gram)))
-    for k in range(images):
-        own = np.append(np.arange(count), count + OF_LAMP * k + np.arange(OF_LAMP))
-        gram[np.ix_(own, own)] += np.asarray(grams[k], float)
-        each[k][:, own] = np.asarray(pulls[k], float)
-    return gram, each.reshape(-1, len(gram)), float(squares.sum())
+class _Pulled(NamedTuple):
+    """`Pulls` over all unknowns."""
+
+    gram: Float[np.ndarray, "n n"]
+    blocks: Float[np.ndarray, "B n"]
+    square: float
+    codes: Float[np.ndarray, "s n"]
+
+    @property
+    def pull(self) -> Float[np.ndarray, "n"]:
+        """J'r."""
+        return np.asarray(self.blocks.sum(axis=0))
+
+    @property
+    def spread(self) -> Float[np.ndarray, "n n"]:
+        """M, the covariance of J'r."""
+        return self.blocks.T @ self.blocks + CODE**2 * self.codes.T @ self.codes
+
+
+def _noise(at: _Pulled, variable: Bool[np.ndarray, "n"], eps: float) -> float:
+    """s^2, of as many directions as the images tell."""
+    root = spectrum(at.gram, variable, eps).root
+    return float(np.sum((at.spread @ root) * root) / max(root.shape[1], 1))
+
+
+def _assembled(seen: LitBall, each: Pulls) -> _Pulled:
+    """The images' own, each lamp in its place."""
+    images, count = len(each.square), seen.shared
+    total = count + OF_LAMP * images
+    own = [np.r_[:count, count + OF_LAMP * k : count + OF_LAMP * (k + 1)] for k in range(images)]
+
+    def spread(rows: Float[Array, "K r n"]) -> Float[np.ndarray, "K r n"]:
+        out = np.zeros((*rows.shape[:2], total))
+        for k, row in enumerate(np.asarray(rows, float)):
+            out[k][:, own[k]] = row
+        return out
+
+    gram = np.zeros((total, total))
+    for at, matrix in zip(own, np.asarray(each.gram, float), strict=True):
+        gram[np.ix_(at, at)] += matrix
+    codes = np.zeros((0, total)) if each.codes is None else spread(each.codes).sum(axis=0)
+    return _Pulled(gram, spread(each.blocks).reshape(-1, total), float(each.square.sum()), codes)
 
 
 def _found(seen: LitBall, scenes: Sequence[Scene], at: _Minimum) -> NearLights:

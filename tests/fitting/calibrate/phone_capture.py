@@ -1,9 +1,9 @@
 """A phone's photographs of a sample ball and a mirror ball under one lamp, by POV-Ray.
 
-The lamp stands somewhere else in each photograph, and is off in the last. Lengths are in centimetres, and
-the phone is at the origin and looks along -z. What is done to POV-Ray's linear radiance is done in the order
-in which a phone does it: exposure, photon and read noise, clipping, the sRGB curve (IEC 61966-2-1) to 8
-bits, JPEG with half the resolution in colour.
+The lamp stands somewhere else in each photograph, and is off in the last. Lengths are in centimetres,
+and the phone is at the origin and looks along -z. A pixel is the mean of four rays. What is done to
+POV-Ray's linear radiance is done in the order in which a phone does it: exposure, photon and read noise,
+clipping, the sRGB curve (IEC 61966-2-1) to 8 bits, JPEG with half the resolution in colour.
 """
 
 import imagecodecs
@@ -25,11 +25,12 @@ EXPOSURE = 1.37
 READ, GAIN = 1.5e-3, 4e-5
 """The read noise, and the variance per unit of radiance of the photons' noise, full scale 1."""
 QUALITY = 92
+SUBSAMPLING = "420"
 
 CAMERA = {
     "kind": "perspective",
-    "width": SHAPE[1],
-    "height": SHAPE[0],
+    "width": 2 * SHAPE[1],
+    "height": 2 * SHAPE[0],
     "fov": FOV,
     "position": (0.0, 0.0, 0.0),
     "target": (0.0, 0.0, -1.0),
@@ -40,7 +41,13 @@ MIRROR = {"kind": "sphere", "center": MIRROR_CENTER, "radius": MIRROR_RADIUS}
 
 def masks() -> tuple[np.ndarray, np.ndarray]:
     """The pixels of the sample ball and of the mirror ball, as drawn by hand."""
-    return povray.mask([SAMPLE], CAMERA), povray.mask([MIRROR], CAMERA)
+    camera = {**CAMERA, "height": SHAPE[0], "width": SHAPE[1]}
+    return povray.mask([SAMPLE], camera), povray.mask([MIRROR], camera)
+
+
+def _pixels(rays: np.ndarray) -> np.ndarray:
+    """The means of two by two."""
+    return rays.reshape(SHAPE[0], 2, SHAPE[1], 2, *rays.shape[2:]).mean(axis=(1, 3))
 
 
 def radiance() -> list[np.ndarray]:
@@ -57,8 +64,8 @@ def radiance() -> list[np.ndarray]:
             "attenuation": "inverse_square",
         }
         lit = [*objects, (bulb, {"ka": 1.0, "kd": 0.0, "ks": 0.0})]
-        found.append(povray.render(lit, [light], CAMERA, ambient=1.0))
-    return [*found, povray.render(objects, [], CAMERA, ambient=1.0)]
+        found.append(_pixels(povray.render(lit, [light], CAMERA, ambient=1.0)))
+    return [*found, _pixels(povray.render(objects, [], CAMERA, ambient=1.0))]
 
 
 def jpeg(linear: np.ndarray, rng: np.random.Generator) -> bytes:
@@ -69,5 +76,5 @@ def jpeg(linear: np.ndarray, rng: np.random.Generator) -> bytes:
     low = clipped <= 0.0031308
     encoded = np.where(low, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
     codes = np.rint(255 * encoded).astype(np.uint8)
-    data: bytes = imagecodecs.jpeg_encode(codes, level=QUALITY, subsampling="420")
+    data: bytes = imagecodecs.jpeg_encode(codes, level=QUALITY, subsampling=SUBSAMPLING)
     return data
