@@ -13,13 +13,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from diffshade.errors import BadInput
 from diffshade.geometry.camera import PerspectiveCamera
 from diffshade.geometry.sphere import Sphere
 from diffshade.geometry.surface import Visibility
 from diffshade.geometry.view import gbuffer, visibility
+from fitting.arrays import Array
 from fitting.columns import Photo, predict, scenery
 from fitting.model import Model
 
@@ -50,10 +51,10 @@ class Pulls(eqx.Module):
     code at each knot of each channel would add to J'r.
     """
 
-    gram: Float[Array, "K n n"]
-    blocks: Float[Array, "K B n"]
-    square: Float[Array, "K"]
-    codes: Float[Array, "K s n"] | None
+    gram: Float[Array, "*K n n"]
+    blocks: Float[Array, "*K B n"]
+    square: Float[Array, "*K"]
+    codes: Float[Array, "*K s n"] | None
 
 
 class LitBall(eqx.Module):
@@ -118,15 +119,15 @@ def _position(
 
 def well_inside(sphere: Sphere, camera: PerspectiveCamera) -> Visibility:
     """Those that see the ball well within its outline, where sin(angle to its centre) = R / D."""
-    index = np.asarray(visibility(sphere, camera).index)
+    seen = visibility(sphere, camera)
     towards = np.asarray(sphere.center, float) - np.asarray(camera.position, float)
-    towards /= np.linalg.norm(towards)
-    d = np.asarray(camera.rays(index).direction.to_array(), float)
+    towards = towards / np.linalg.norm(towards)
+    d = np.asarray(camera.rays(seen.index).direction.to_array(), float)
     away = np.linalg.norm(np.cross(d, towards), axis=-1)
     inside = away < RIM * away.max(initial=0)
     if not inside.any():
         raise BadInput("the camera sees nothing of the ball: correct its place")
-    return Visibility((camera.height, camera.width), index[inside])
+    return Visibility(seen.shape, seen.index[inside])
 
 
 def moves_of(sphere: Sphere, camera: PerspectiveCamera) -> tuple[Float[np.ndarray, "3 3"], float]:
@@ -147,11 +148,11 @@ def pulls(seen: LitBall, theta: Float[Array, "n"]) -> Pulls:
     shape = (seen.camera.height, seen.camera.width)
 
     def of_image(one: tuple[Any, ...]) -> Pulls:
-        photo, *ray, lamp = one
+        photo, point, ray, distance, lamp = one
 
         def image(local: Float[Array, "n"]) -> Float[Array, "C P"]:
             surface = gbuffer(seen.sphere(local), seen.camera, Visibility(shape, seen.index))
-            there = _position(*ray, local[seen.shared :])
+            there = _position(point, ray, distance, local[seen.shared :])
             light: Any = photo.lights[0]
             lit = eqx.tree_at(
                 lambda p: p.lights[0].position, photo, there.reshape(light.position.shape)
@@ -161,11 +162,13 @@ def pulls(seen: LitBall, theta: Float[Array, "n"]) -> Pulls:
 
         local = jnp.concatenate([theta[: seen.shared], lamp])
         predicted, push = jax.linearize(image, local)
-        residual = (photo.observed - predicted) * photo.weight
-        jacobian = -jax.vmap(push)(jnp.eye(local.size, dtype=local.dtype)) * photo.weight
+        residual = (photo.observed - predicted) * photo.weight[None]
+        jacobian = (
+            -jax.vmap(push)(jnp.eye(local.size, dtype=local.dtype)) * photo.weight[None, None]
+        )
         codes = None
         if seen.levels is not None:
-            off = _hats(seen.levels, predicted) * photo.weight
+            off = _hats(seen.levels, predicted) * photo.weight[None, None]
             codes = jnp.einsum("jcp,mcp->cjm", off, jacobian).reshape(-1, local.size)
         each = jnp.einsum("mcp,cp->pm", jacobian, residual)
         return Pulls(
@@ -183,8 +186,9 @@ def pulls(seen: LitBall, theta: Float[Array, "n"]) -> Pulls:
 def _hats(levels: Float[Array, "t"], radiance: Float[Array, "C P"]) -> Float[Array, "j C P"]:
     """What an error of one code at each knot adds to the radiance, linear between knots."""
     last = len(levels) - 1
-    steps = jnp.gradient(levels) * (last / FULL)
     at = jnp.arange(last + 1, dtype=levels.dtype)
     level = jnp.interp(radiance, levels, at)
-    away = jnp.abs(level * ((KNOTS - 1) / last) - np.arange(KNOTS)[:, None, None])
-    return jnp.maximum(1 - away, 0) * jnp.interp(level, at, steps)
+    knots = np.arange(KNOTS, dtype=levels.dtype) * (last / (KNOTS - 1))
+    away = jnp.abs(level[None] - knots[:, None, None]) * ((KNOTS - 1) / last)
+    code: Any = jnp.gradient(levels, FULL / last)
+    return jnp.maximum(1 - away, 0) * jnp.interp(level, at, code)[None]

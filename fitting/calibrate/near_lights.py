@@ -17,8 +17,9 @@ M is what the images' errors add to J'r. The pixels of a block of 16 x 16 are on
 and Zeger 1986): JPEG codes such a block as a whole, and a model that is not quite right errs over a
 neighbourhood. And codes of 8 bits are off: rounding, of Y, C_b and C_r above all, moves all pixels of one
 colour alike by a fifth of a code, which no number of pixels averages away; c_j is what one code at
-level j of a channel would add, e = 0.2. The noise s^2 = tr(H^-1 M) / n is what pixels that knew nothing of
-each other would have, to tell no more than these do: the residual's own would let shading outvote rays.
+level j of a channel would add, e = 0.2. The noise s^2 = tr((J'J)^-1 M) / n is what pixels that knew
+nothing of each other would have, to tell no more than these do: the residual's own would let the shading
+outvote the rays.
 """
 
 from collections.abc import Sequence
@@ -69,6 +70,7 @@ FARTHEST = 0.04
 TURN, STRETCH = 0.3, 1.5
 """How far a ray may turn (radians), and a lamp move along it (the logarithm of its distance)."""
 LEVELS = np.linspace(0, 1, 1021)
+"""Codes, as parts of the largest, between which the curve of an encoding is straight enough."""
 CODE = 0.2
 """The standard deviation of a code of 8 bits, from what it should be at a level."""
 MAX_STEPS = 64
@@ -123,8 +125,8 @@ def refine_near_lights(
     *,
     points: Float[np.ndarray, "K 3"] | None = None,
     directions: Float[np.ndarray, "K 3"] | None = None,
-    degrees: float = 0.3,
-    outline: float = 0.2,
+    degrees: float | int = 0.3,
+    outline: float | int = 0.2,
     material: Material | None = None,
     bounds: Bounds | None = None,
     valid: Sequence[Bool[np.ndarray, "H W"]] | None = None,
@@ -174,15 +176,11 @@ def refine_near_lights(
     model = model_of(in_precision(first.material, dtype), frozenset(), images[0].shape[2])
     moves, radius = moves_of(sphere, camera)
     block, blocks = _blocks(pixels)
-    seen = LitBall(
-        pixels.index,
-        block,
-        _photos(images, pixels, moved, valid, dtype),
-        model,
-        *in_precision((camera, sphere, moves, start, rays, distances), dtype),
-        None if encoding is None else jnp.asarray(decode(LEVELS, encoding), dtype),
-        blocks,
-    )
+    photos = _photos(images, pixels, moved, valid, dtype)
+    levels = None if encoding is None else decode(LEVELS, encoding)
+    given = moves, start, rays, distances, levels
+    exact = LitBall(pixels.index, block, photos, model, camera, sphere, *given, blocks)
+    seen = in_precision(exact, dtype)
     limit = limits(model, frozenset(), plain, bounds or {}, start_given=False)
     off = FARTHEST * radius if outline else 0.0
     of_lamps = np.array([[TURN, TURN, STRETCH] if lamp else [0.0] * 3 for lamp in lamps]).ravel()
@@ -190,14 +188,7 @@ def refine_near_lights(
     k = np.stack([first.coefficients[name] for name in linear_names(model.material)], axis=-1)
     theta = np.concatenate([k.ravel(), [0.0] * OUTLINE, u, 0 * of_lamps])
     box = tuple(
-        np.concatenate(
-            [
-                linear.ravel(),
-                [sign * off] * OUTLINE,
-                of_u,
-                sign * of_lamps,
-            ]
-        )
+        np.concatenate([linear.ravel(), [sign * off] * OUTLINE, of_u, sign * of_lamps])
         for sign, linear, of_u in zip((-1, 1), (limit.lower, limit.upper), limit.box, strict=True)
     )
     ray = np.inf if directions is None else np.radians(degrees)
@@ -367,7 +358,7 @@ def _assembled(seen: LitBall, each: Pulls) -> _Pulled:
     total = count + OF_LAMP * images
     own = [np.r_[:count, count + OF_LAMP * k : count + OF_LAMP * (k + 1)] for k in range(images)]
 
-    def spread(rows: Float[Array, "K r n"]) -> Float[np.ndarray, "K r n"]:
+    def spread(rows: Float[Array, "K r n"]) -> Float[np.ndarray, "K r m"]:
         out = np.zeros((*rows.shape[:2], total))
         for k, row in enumerate(np.asarray(rows, float)):
             out[k][:, own[k]] = row
