@@ -10,7 +10,8 @@ constant below, and
 
 is by how much |r|^2 would fall to first order. Only where that is far above the noise is the clamped law
 searched, from a grid of where the clamp begins; and only where it has the better information criterion
-by far is it taken.
+by far is it taken. To first order alone that fails where the clamp acts strongly, and has pulled
+everything else away: what a fit leaves that is `MISFIT` of the images or more is always tried.
 """
 
 from dataclasses import replace
@@ -41,6 +42,8 @@ NOTED = 10.0
 """Of the noise's variance: what the clamp must seem to explain. By chance once in 500 fits."""
 CLEAR = 10.0
 """By which the criterion must be better: "very strong" evidence (Kass and Raftery 1995)."""
+MISFIT = 5e-3
+"""Of the images: a relative residual that noise alone seldom leaves."""
 SEEN = 1e-3
 """Of |D|^2: what must be left of it, or a change of the coefficients does the same."""
 
@@ -56,6 +59,8 @@ def with_clamp(model: Model) -> Model | None:
 
 def may_show(minimum: Minimum, observed: Observed) -> bool:
     """Whether a clamp could explain what a fit without one left."""
+    if minimum.cost > MISFIT**2 * minimum.square:
+        return True
     ends = np.array([minimum.farthest, minimum.nearest])
     with jax.enable_x64(True):
         grams = _gram(

@@ -303,6 +303,8 @@ def _exponents(model: Model) -> dict[int, int]:
 
 def _relit(scene: Scene, law: AbstractAttenuation) -> Scene:
     """The scene with an attenuation that is known to be valid: nothing is checked or converted."""
+    if not any(isinstance(light, PointLight) for light in scene.lights):
+        return scene  # with the lamp off, say
     return eqx.tree_at(
         lambda s: [x.attenuation for x in s.lights if isinstance(x, PointLight)],
         scene,

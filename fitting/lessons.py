@@ -19,6 +19,7 @@ from diffshade.geometry import view
 from diffshade.geometry.camera import OrthographicCamera
 from diffshade.geometry.gbuffer import GBuffer
 from diffshade.geometry.sphere import Sphere
+from diffshade.io.atomic import replacing
 from diffshade.io.encoding import Encoding
 from diffshade.io.image import write_png
 from diffshade.light.parallel import ParallelLight
@@ -232,7 +233,8 @@ def spoilt(
             f'lights = [{{ kind = "parallel", direction = {claimed.tolist()}, intensity = 1.0 }}]',
         ]
     path = folder / "capture.toml"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 

@@ -27,7 +27,7 @@ def covariance(
     By the jackknife, and in no direction less than `noise`^2 H^-1, that of independent errors of this
     standard deviation; with fewer than four images by the latter alone.
 
-    >>> covariance(np.full((4, 1, 1), 2.0), np.zeros((4, 1)), 1.0).tolist()
+    >>> covariance(np.full((4, 1, 1), 2.0), np.zeros((4, 1)), 1.0).round(6).tolist()
     [[0.125]]
     """
     total = hessians.sum(axis=0)

@@ -350,3 +350,20 @@ def test_a_window_is_not_dropped() -> None:
     for law in (ds.QuadraticAttenuation, ds.InverseSquare):
         with pytest.raises(ds.BadInput, match="would drop"):
             fitting.fit(np.zeros((*GBUFFER.shape, 3)), GBUFFER, windowed, attenuation=law)
+
+
+def test_a_clamp_that_pulls_everything_away_is_found() -> None:
+    """It acts at most points: to first order nothing tells of it, and the law without it fits badly."""
+    camera = ds.OrthographicCamera(64, 48, 5.4545)
+    gbuffer = ds.gbuffer(ds.Sphere((0.0909, -0.0909, 0)), camera)
+    material = ds.Material((0.05, 0.03), (0.35, 0.1), ds.Phong(0.25, 40.0))
+    law = ds.QuadraticAttenuation(0.5, 0.0, 0.002)
+    places = ((7.5, 5, 15), (-8, 5, 14), (3, 3, 7), (9, 12, 22))
+    scenes = [ds.Scene(1.0, ds.PointLight(place, 1.0, law)) for place in places]
+    scenes.append(ds.Scene(1.0))  # with the lamp off
+    images = [ds.render(gbuffer, scene, material) for scene in scenes]
+    fit = fitting.fit(images, gbuffer, scenes, attenuation=ds.QuadraticAttenuation)
+    assert fit.relative_residual < 1e-5
+    np.testing.assert_allclose(np.asarray(fit.material.kd), [0.35, 0.1], rtol=1e-3)
+    assert fit.scene[4].lights == ()
+    np.testing.assert_allclose(float(fit.scene[0].lights[0].attenuation.c2), 0.002, rtol=1e-2)

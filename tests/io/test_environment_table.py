@@ -71,7 +71,7 @@ def test_harmonics(tmp_path: Path) -> None:
         (HARMONICS.replace("[[", "[[[1]], ["), "give a list of numbers, or of lists of one number"),
         ('kind = "environment"\nharmonics = 1', "harmonics is 1; give a list of numbers"),
         ('kind = "environment"\nharmonics = []', "harmonics is []; give a list of numbers"),
-        (HARMONICS + "\nintensity = [1, 2]", "light 2: intensity has 2 numbers"),
+        (HARMONICS + "\nintensity = [1, 2]", "light 2: 2 channels meet 3"),
         (
             'kind = "environment"\nharmonics = [[1, 2]]',
             "light 2: environment has 2 numbers",
