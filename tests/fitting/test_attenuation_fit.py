@@ -188,6 +188,7 @@ def test_the_criterion_is_that_of_schwarz() -> None:
     assert rows[1].weight == pytest.approx(1 / (1 + np.exp(apart / 2)), rel=1e-6, abs=1e-30)
 
 
+@pytest.mark.slow
 def test_materials_are_compared_in_the_same_way() -> None:
     image = photograph(None, noise=0.002)
     matte = ds.Material(ka=0.1, kd=0.5)
@@ -254,6 +255,7 @@ def test_no_clamp_is_seen_where_there_is_none() -> None:
         assert any("share one scale" in item.reason for item in fit.unidentified), trial
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", ["kd", "attenuation.c0"])
 def test_held_constants_and_the_clamp(held: str, allowed: float) -> None:
     """What is held sets the scale; the law is clamped all the same."""

@@ -168,6 +168,7 @@ def test_bounds_of_zero_hold_with_a_fitted_attenuation() -> None:
     np.testing.assert_array_equal(fit.material.specular[0].ks, 0)
 
 
+@pytest.mark.slow
 def test_a_law_that_is_clamped_everywhere_is_named() -> None:
     """Lights that are three times as strong as the scene says, beside a k_d that is known: f is 1."""
     lights = tuple(ds.PointLight(light.position, 3 * light.intensity) for light in SCENE.lights)

@@ -268,6 +268,7 @@ def scene(
     return ds.Scene(ambient=0.5, lights=tuple(ds.PointLight(p, 1.0, law) for p in lights))
 
 
+@pytest.mark.slow
 def test_a_fit_names_the_scale_and_a_far_light() -> None:
     law = ds.QuadraticAttenuation(*LAW)
     unknown = ds.QuadraticAttenuation

@@ -102,6 +102,7 @@ def test_a_tube_over_a_floor(tolerance: float) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-8 + 20 * tolerance)
 
 
+@pytest.mark.slow
 def test_as_few_samples_as_a_tolerance_takes() -> None:
     g = ds.gbuffer(ds.Sphere(), ds.OrthographicCamera(20, 20, 2.2))
     material = ds.Material(kd=0.5, specular=ds.Phong(0.3, 20.0))

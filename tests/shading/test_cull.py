@@ -183,6 +183,7 @@ def test_derivatives_are_those_of_all_lights(error: str) -> None:
     near(ours, plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["coefficients", "intensities"])
 def test_what_is_zero_has_its_derivative(what: str) -> None:
     """At a start of 0 a light is dark, and its derivative is not."""

@@ -5,10 +5,10 @@ from stress.soak import Stretch, soak, steady
 
 
 @pytest.mark.slow
-def test_a_few_dozen_fits_are_right() -> None:
+def test_two_dozen_fits_are_right() -> None:
     pytest.importorskip("resource", reason="tells of memory on Unix alone")
-    first, second = soak(20, 2, seed=3)
-    assert first.right + second.right >= 39
+    first, second = soak(12, 2, seed=3)
+    assert first.right + second.right >= 23
     assert second.compilations <= first.compilations
 
 
