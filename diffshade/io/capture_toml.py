@@ -50,6 +50,8 @@ def read_capture_toml(
     from diffshade.scene import Scene
 
     top = read_toml(path, allow_outside=allow_outside)
+    if "material" in top:
+        top.fail("this is a scene, whose material is known; give it to diffshade render or view")
     top.choice("schema", (SCHEMA,))
     top.expect(("schema", "geometry", "image"), ("encoding", "mask", "ambient", "camera"))
     stated = _encoding(top)

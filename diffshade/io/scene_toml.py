@@ -118,6 +118,8 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     from diffshade.scene import Scene
 
     top = read_toml(path, allow_outside=allow_outside)
+    if "image" in top:
+        top.fail("this is a capture, of photographs; give it to diffshade fit")
     top.expect(("geometry",), OPTIONAL)
     if "schema" in top:
         top.choice("schema", (SCHEMA,))

@@ -91,7 +91,7 @@ def check(shown: Shown) -> None:
             )
     for key in shown.written:
         if key not in WRITTEN:
-            raise BadInput(f"the scene has {key}, which the page does not show: leave it out")
+            raise BadInput(f"the scene has {key}, which the page does not show: leave {key} out")
     for key in shown.written.get("material", ()):
         if key not in FIELDS:
             raise BadInput(f"the material has {key}, which the page does not show: leave it out")

@@ -233,6 +233,7 @@ def test_geometry_of_a_mesh(folder: Path) -> None:
         ("capture/1", "capture/2", "capture/2'; give one of \"diffshade.capture/1\""),
         ('schema   = "diffshade.capture/1"', "", 'the key "schema" is missing'),
         ("encoding =", "encodnig =", 'unknown key "encodnig"; the keys here are schema'),
+        ("encoding =", "material = { kd = 1 }\nencoding =", "this is a scene, whose material is known"),
         ('"linear"', '"log"', "encoding is 'log'"),
         ("ambient  = [0.5, 0.6, 0.7]", "ambient = [0.5, 0.6]", "ambient has 2 numbers where"),
         ("ambient  = [0.5, 0.6, 0.7]", "ambient = -1", "ambient is -1; give a number of at least 0"),

@@ -188,6 +188,7 @@ def test_a_map_of_normals_is_shaded_without_a_camera(tmp_path: Path) -> None:
         ("ambient ", 'schema = "x"\nambient ', 'give one of "diffshade.scene/1"'),
         ("ambient ", 'shading = "toon"\nambient ', 'give one of "phong", "flat", "gouraud"'),
         ("ambient ", 'shading = "flat"\nambient ', "which has no faces"),
+        ("ambient ", "image = []\nambient ", "this is a capture, of photographs; give it"),
         ("ambient ", "shadows = 1\nambient ", "shadows is 1; give true or false"),
         (", c0 = 1, c2 = 0.05", "", "light 1: its attenuation has no numbers"),
         ("c0 = 1, c2 = 0.05", "reach = 3", 'the key "c0" is missing'),
