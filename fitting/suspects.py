@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.residual import ImageResidual
+from fitting.weights import MAD
 
 __all__ = ["SuspectImage", "suspects"]
 
@@ -15,7 +16,6 @@ SPREADS = 3.5
 """Robust standard deviations of the logarithm of the residual beyond which an image stands out ..."""
 FACTOR = 1.5
 """... where it is also so many times the typical one."""
-MAD = 1.4826
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,14 @@ from jaxtyping import Bool, Float
 from diffshade.errors import BadInput
 from fitting.arrays import Array
 
-__all__ = ["Judge", "SensorNoise", "Tukey", "Weighting", "is_robust"]
+__all__ = ["CAUCHY", "MAD", "Judge", "SensorNoise", "Tukey", "Weighting", "is_robust"]
 
 Planes = Float[Array, "C P"]
 
 MAD = 1.4826
 """The standard deviation of normal noise over its median absolute deviation."""
+CAUCHY = 2.385
+"""Standard deviations at which Cauchy's weight is a half: 95 % efficient for normal errors."""
 
 
 class Tukey(eqx.Module):
@@ -36,7 +38,7 @@ class Tukey(eqx.Module):
     def __call__(self, z: Float[Array, "P"], starting: Bool[Array, ""]) -> Float[Array, "P"]:
         """The weight of residuals in standard deviations."""
         inside = jnp.where(jnp.abs(z) < self.c, 1 - (z / self.c) ** 2, 0)
-        return jnp.where(starting, 1 / (1 + (z / 2.385) ** 2), inside**2)
+        return jnp.where(starting, 1 / (1 + (z / CAUCHY) ** 2), inside**2)
 
 
 class SensorNoise(eqx.Module):

@@ -188,12 +188,7 @@ def _fit(parser: ArgumentParser) -> None:
 
 
 def _evaluate(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "fit_json",
-        metavar="FIT.json",
-        type=Path,
-        help="A fit.json as `fit --out` writes it, or the output of `fit --json`.",
-    )
+    _fit_json(parser)
     parser.add_argument("path", metavar="CAPTURE", type=Path, help=CAPTURE)
     _json(parser)
     _precision(parser)
@@ -201,12 +196,7 @@ def _evaluate(parser: ArgumentParser) -> None:
 
 
 def _export(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "fit_json",
-        metavar="FIT.json",
-        type=Path,
-        help="A fit.json as `fit --out` writes it, or the output of `fit --json`.",
-    )
+    _fit_json(parser)
     parser.add_argument(
         "--to",
         choices=EXPORTS,
@@ -254,6 +244,15 @@ def _calibrate(parser: ArgumentParser) -> None:
     _json(parser)
     _outside(parser)
     _precision(parser)
+
+
+def _fit_json(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "fit_json",
+        metavar="FIT.json",
+        type=Path,
+        help="A fit.json as `fit --out` writes it, or the output of `fit --json`.",
+    )
 
 
 def _results(parser: ArgumentParser) -> None:

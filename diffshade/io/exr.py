@@ -17,7 +17,7 @@ from diffshade.io.encoding import Encoding
 from diffshade.io.limits import check_size
 from diffshade.io.quiet import quietly
 
-__all__ = ["SIGNATURE", "by_layer", "read", "read_channels", "write", "write_channels"]
+__all__ = ["SIGNATURE", "by_layer", "listed", "read", "read_channels", "write", "write_channels"]
 
 SIGNATURE = b"\x76\x2f\x31\x01"
 _TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
@@ -32,11 +32,8 @@ def read(path: Path, layer: str | None = None) -> Decoded:
     channels = layers.get(layer or "", {})
     names = _image_channels(set(channels))
     if not names:
-        listing = ", ".join(
-            f"{name or '(no name)'} [{' '.join(sorted(held))}]" for name, held in layers.items()
-        )
         asked = "no plain R, G, B or Y" if layer is None else f"no image in a layer {layer!r}"
-        raise BadInput(f"has {asked}; name with layer= one that has, of: {listing}")
+        raise BadInput(f"has {asked}; name with layer= one that has, of: {listed(layers)}")
     planes = [channels[name] for name in names]
     if not all(np.issubdtype(plane.dtype, np.floating) for plane in planes):
         raise BadInput("has integer colour channels; save them as half or float")
@@ -97,6 +94,11 @@ def by_layer(channels: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]
         layer, _, name = full_name.rpartition(".")
         layers.setdefault(layer, {})[name] = pixels
     return layers
+
+
+def listed(layers: dict[str, dict[str, np.ndarray]]) -> str:
+    """The layers with the names of their channels, for a complaint."""
+    return ", ".join(f"{n or '(no name)'} [{' '.join(sorted(own))}]" for n, own in layers.items())
 
 
 def _image_channels(names: set[str]) -> tuple[str, ...]:

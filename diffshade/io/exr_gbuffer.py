@@ -23,7 +23,7 @@ import numpy as np
 from diffshade.errors import BadInput, naming
 from diffshade.io.atomic import replacing
 from diffshade.io.contents import read_bytes, refusing
-from diffshade.io.exr import SIGNATURE, by_layer, read_channels, write_channels
+from diffshade.io.exr import SIGNATURE, by_layer, listed, read_channels, write_channels
 
 if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
@@ -75,10 +75,7 @@ def load_exr_gbuffer(
         layers = by_layer(read_channels(path))
     normals = _vectors(path, layers, "normal", normal, NORMAL)
     if normals is None:
-        listing = ", ".join(
-            f"{n or '(no name)'} [{' '.join(sorted(c))}]" for n, c in layers.items()
-        )
-        raise BadInput(f"{path}: has no layer of normals; name it, of: {listing}")
+        raise BadInput(f"{path}: has no layer of normals; name it, of: {listed(layers)}")
     positions = _vectors(path, layers, "position", position, POSITION)
     inside = np.isfinite(normals).all(axis=-1) & (normals != 0).any(axis=-1)
     if positions is not None:
@@ -97,9 +94,9 @@ def load_exr_gbuffer(
         found, slots = np.unique(numbers[inside].astype(np.int64), return_inverse=True)
         indices = tuple(found.tolist())
         if indices != tuple(range(len(indices))):
-            listed = ", ".join(map(str, indices[:8])) + ", ..." * (len(indices) > 8)
+            some = ", ".join(map(str, indices[:8])) + ", ..." * (len(indices) > 8)
             notes += (
-                f"the indices {listed} are slots 0 to {len(indices) - 1} here: give materials in this"
+                f"the indices {some} are slots 0 to {len(indices) - 1} here: give materials in this"
                 " order",
             )
     with naming(path):

@@ -29,7 +29,7 @@ from diffshade.shading.render import render
 from fitting.estimate import fit
 from fitting.found import Fit
 from fitting.limits import Bounds
-from fitting.weights import Tukey
+from fitting.weights import CAUCHY, MAD, Tukey
 
 __all__ = ["MovedLight", "RefinedLights", "moved_lights", "refine_lights", "tangents"]
 
@@ -40,9 +40,6 @@ LONGEST = 0.2
 """Radians, and parts of a strength: what a light changes by in one step."""
 ARRIVED = 2e-4
 """Radians, and parts of a strength: changes that matter no more."""
-CAUCHY = 2.385
-"""Standard deviations at which a residual counts by half: 95 % efficient for normal errors."""
-MAD = 1.4826
 
 DEGREES = 2.0
 """By which a lamp has to have moved at the least ..."""

@@ -13,13 +13,11 @@ is none of g's: both belong into the lights' intensities, and are never guessed 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from diffshade import guard
@@ -28,13 +26,13 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.io.encoding import decode
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
+from fitting.calibrate.image_residuals import descended, grams
 from fitting.calibrate.jackknife import covariance, half_width
 from fitting.columns import Photo, predict, scenery
 from fitting.estimate import fit
 from fitting.limits import Bounds, limits
 from fitting.model import Model, default_material, linear_names, model_of
 from fitting.observation import in_precision, stacked
-from fitting.solver import BoundedLevenbergMarquardt
 
 __all__ = ["Response", "fit_gamma"]
 
@@ -123,8 +121,10 @@ def fit_gamma(
     lower = np.concatenate([[low], limit.box[0], limit.lower.reshape(-1)])
     upper = np.concatenate([[high], limit.box[1], limit.upper.reshape(-1)])
     start_at, low_edge, high_edge = (jnp.asarray(x, dtype) for x in (theta, lower, upper))
-    found, converged = _descended(seen, start_at, low_edge, high_edge)
-    hessians, gradients, left, count = (np.asarray(x, float) for x in _grams(seen, found))
+    residual = eqx.Partial(_residual, seen)
+    found, converged = descended(residual, start_at, low_edge, high_edge, MAX_STEPS)
+    hessians, gradients, left = (np.asarray(x, float) for x in grams(residual, found))
+    count = float(np.sum(seen.photos.weight)) * model.channel_count
     free = np.asarray((found > low_edge) & (found < high_edge))
     noise = float(np.sqrt(left.sum() / max(count - free.sum(), 1)))
     log_gamma = float(found[0])
@@ -159,29 +159,3 @@ def _residual(seen: _Seen, theta: Float[Array, "m"]) -> Float[Array, "K C P"]:
         return (photo.observed - encoded) * photo.weight[None]
 
     return jax.vmap(of_image)(seen.photos)
-
-
-@eqx.filter_jit
-def _descended(
-    seen: _Seen, start: Float[Array, "m"], lower: Float[Array, "m"], upper: Float[Array, "m"]
-) -> tuple[Array, Array]:
-    """The minimum, and whether it converged."""
-
-    def left(theta: Float[Array, "m"], _: None) -> Float[Array, "n"]:
-        return _residual(seen, theta).reshape(-1)
-
-    eps = float(jnp.finfo(start.dtype).eps)
-    solver = BoundedLevenbergMarquardt(eps**0.5, eps**0.5, lower, upper)
-    found: Any = optx.least_squares(left, solver, start, max_steps=MAX_STEPS, throw=False)
-    return found.value, jnp.asarray(found.result == optx.RESULTS.successful)
-
-
-@eqx.filter_jit
-def _grams(seen: _Seen, theta: Float[Array, "m"]) -> tuple[Array, Array, Array, Array]:
-    """Of each image J'J, J'r and r'r, and how many observations there are."""
-    left, push = jax.linearize(lambda x: _residual(seen, x), theta)
-    jacobian = jax.vmap(push)(jnp.eye(theta.size, dtype=theta.dtype))
-    hessians = jnp.einsum("mkcp,nkcp->kmn", jacobian, jacobian)
-    gradients = jnp.einsum("mkcp,kcp->km", jacobian, left)
-    count = jnp.sum(seen.photos.weight) * seen.model.channel_count
-    return hessians, gradients, jnp.einsum("kcp,kcp->k", left, left), count

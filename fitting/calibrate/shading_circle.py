@@ -14,13 +14,11 @@ disagree.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from diffshade.errors import BadInput
@@ -31,6 +29,7 @@ from diffshade.geometry.view import gbuffer as gbuffer_of
 from diffshade.io.circle import Circle, ball_gbuffer
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
+from fitting.calibrate.image_residuals import descended, grams
 from fitting.calibrate.jackknife import covariance
 from fitting.columns import Photo, predict, scenery
 from fitting.estimate import fit
@@ -40,7 +39,6 @@ from fitting.linear import bounded_least_squares
 from fitting.model import Model, default_material, model_of
 from fitting.observation import in_precision, stacked
 from fitting.project import gram_of
-from fitting.solver import BoundedLevenbergMarquardt
 
 __all__ = ["RefinedCircle", "refine_circle"]
 
@@ -128,9 +126,11 @@ def refine_circle(
     for rim in RIMS:
         there = Circle(*(around + np.asarray(y[:3], float)).tolist())
         looked_at = _looked_at(seen, _kept(shape, there, mask, rim))
-        y, converged = _descended(looked_at, center, y, lower, upper)
-    hessians, gradients, left, count = (np.asarray(x, float) for x in _grams(looked_at, center, y))
-    before = np.asarray(_grams(looked_at, center, at_first)[2], float)
+        residual = eqx.Partial(_residual, looked_at, center)
+        y, converged = descended(residual, y, lower, upper, MAX_STEPS)
+    hessians, gradients, left = (np.asarray(x, float) for x in grams(residual, y))
+    before = np.asarray(grams(residual, at_first)[2], float)
+    count = float(np.sum(looked_at.photos.weight)) * looked_at.model.channel_count
     norm = float(jnp.linalg.norm(looked_at.photos.observed * looked_at.photos.weight[:, None]))
     noise = float(np.sqrt(left.sum() / max(count - y.size, 1)))
     errors = np.sqrt(np.diagonal(covariance(hessians, gradients, noise))[:3])
@@ -227,35 +227,3 @@ def _residual(
     k, _ = bounded_least_squares(gram[:, :-1, :-1], gram[:, :-1, -1], seen.lower, seen.upper)
     predicted = jnp.stack(predict(each, k), axis=1)
     return (seen.photos.observed - predicted) * seen.photos.weight[:, None]
-
-
-@eqx.filter_jit
-def _descended(
-    seen: _Seen,
-    center: Float[Array, "3"],
-    start: Float[Array, "m"],
-    lower: Float[Array, "m"],
-    upper: Float[Array, "m"],
-) -> tuple[Array, Array]:
-    """y at the minimum, and whether it converged."""
-
-    def left(y: Float[Array, "m"], _: None) -> Float[Array, "n"]:
-        return _residual(seen, center, y).reshape(-1)
-
-    eps = float(jnp.finfo(start.dtype).eps)
-    solver = BoundedLevenbergMarquardt(eps**0.5, eps**0.5, lower, upper)
-    found: Any = optx.least_squares(left, solver, start, max_steps=MAX_STEPS, throw=False)
-    return found.value, jnp.asarray(found.result == optx.RESULTS.successful)
-
-
-@eqx.filter_jit
-def _grams(
-    seen: _Seen, center: Float[Array, "3"], y: Float[Array, "m"]
-) -> tuple[Array, Array, Array, Array]:
-    """Of each image J'J, J'r and r'r, and how many observations there are."""
-    left, push = jax.linearize(lambda y: _residual(seen, center, y), y)
-    jacobian = jax.vmap(push)(jnp.eye(y.size, dtype=y.dtype))
-    hessians = jnp.einsum("mkcp,nkcp->kmn", jacobian, jacobian)
-    gradients = jnp.einsum("mkcp,kcp->km", jacobian, left)
-    count = jnp.sum(seen.photos.weight) * seen.model.channel_count
-    return hessians, gradients, jnp.einsum("kcp,kcp->k", left, left), count

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from handmade import write_channels
+from mitsuba_scalar import mitsuba
 
 import diffshade as ds
 from diffshade.errors import BadInput
@@ -70,8 +71,7 @@ def test_mixed_indices_are_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("samples", [1, 16])
 def test_mitsubas_aovs_by_mitsuba(samples: int, tmp_path: Path) -> None:
-    mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is not installed: the extra `compare`")
-    mi.set_variant("scalar_rgb")
+    mi = mitsuba()
     pose = mi.ScalarTransform4f().look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0])
     film = {"type": "hdrfilm", "width": 12, "height": 10, "rfilter": {"type": "box"}}
     scene = {

@@ -12,6 +12,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from mitsuba_scalar import mitsuba
 
 import diffshade as ds
 from diffshade.reflectance.fresnel import dielectric
@@ -25,13 +26,6 @@ LOBES: dict[str, Callable[..., Any]] = {
     "beckmann": lambda alpha, fresnel: ds.Beckmann(1, alpha, fresnel, "separable", rational=True),
 }
 COUNT = 1500
-
-
-@cache
-def mitsuba() -> Any:
-    found = pytest.importorskip("mitsuba", reason="Mitsuba 3 is not installed: the extra `compare`")
-    found.set_variant("scalar_rgb")
-    return found
 
 
 @cache

@@ -7,6 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from mitsuba_scalar import mitsuba
 
 import diffshade as ds
 from diffshade.errors import BadInput
@@ -31,13 +32,6 @@ MATERIALS = {
     "schlick": ds.Material(specular=ds.GGX(0.5, 0.3, ds.Schlick(0.05))),
 }
 MITSUBA_HAS_IT = ("facets", "copper", "plastic")
-
-
-@cache
-def mitsuba() -> Any:
-    found = pytest.importorskip("mitsuba", reason="Mitsuba 3 is not installed: the extra `compare`")
-    found.set_variant("scalar_rgb")
-    return found
 
 
 @cache

@@ -10,6 +10,7 @@ from povray import render as povray
 
 import diffshade as ds
 import fitting
+from diffshade import interpolated
 from diffshade.errors import BadInput
 from diffshade.shading.shadows import shadowed
 
@@ -28,17 +29,10 @@ def seen(light: object, gbuffer: ds.GBuffer, occluders: object) -> np.ndarray:
     return np.asarray(one.visible)
 
 
-def globe(count: int, center: tuple[float, float, float] = (0, 0, 0)) -> ds.Mesh:
+def globe(bands: int, center: tuple[float, float, float] = (0, 0, 0)) -> ds.Mesh:
     """A sphere of radius 1 in triangles between meridians and parallels."""
-    u, v = np.meshgrid(
-        2 * np.pi * np.arange(count) / count, np.pi * np.arange(count + 1) / count, indexing="ij"
-    )
-    vertices = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], -1)
-    number = np.arange(vertices[..., 0].size).reshape(count, count + 1)
-    a, b = number[:, :-1], number[:, 1:]
-    d, c = np.roll(a, -1, axis=0), np.roll(b, -1, axis=0)
-    faces = [np.stack(x, -1).reshape(-1, 3) for x in ((a, b, c), (a, c, d))]
-    return ds.Mesh(vertices.reshape(-1, 3) + np.array(center), np.concatenate(faces))
+    mesh = interpolated.ball(bands)
+    return replace(mesh, vertices=np.asarray(mesh.vertices, float) + np.array(center))
 
 
 @pytest.mark.parametrize("light", [ds.PointLight((0.5, 0.2, 4.0)), ds.ParallelLight((1, -0.3, 2))])
