@@ -55,8 +55,9 @@ def excitation_purity(xy: XY, white: Chromaticity = D65) -> Plane:
 
     Linear from the white to the border. Raises `BadInput` as `dominant_wavelength` does.
 
-    >>> excitation_purity(jnp.array([[0.3127, 0.3290], [0.64, 0.33]])).round(2).tolist()
-    [0.0, 0.92]
+    >>> percent = 100 * excitation_purity(jnp.array([[0.3127, 0.3290], [0.64, 0.33]]))
+    >>> percent.round().tolist()
+    [0.0, 92.0]
     """
     ray, corners = _from_white(xy, white), _border(white)
     side = _side(ray, corners)
