@@ -43,6 +43,7 @@ def test_committed_without_outputs_and_with_ids(path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.notebook
 @each_notebook
 def test_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DIFFSHADE_NOTEBOOK_FAST", "1")
