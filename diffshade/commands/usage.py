@@ -13,7 +13,8 @@ from diffshade.commands.console import WrongUsage
 __all__ = ["EXPORTS", "MODELS", "parse"]
 
 CAPTURE = (
-    "A folder in the photometric-stereo layout, an RTI .lp, a Relight .dome, or a capture.toml."
+    "A folder in the photometric-stereo layout, an RTI .lp, a Relight .dome, AliceVision's lights.json,"
+    " or a capture.toml."
 )
 EXPORTS = ("mtl", "gltf", "threejs", "mitsuba")
 MODELS = ("phong", "blinn-phong", "lambert", "phong2", "ggx", "plastic", "plastic2")

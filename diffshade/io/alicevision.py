@@ -8,7 +8,10 @@
 Boost's property trees write them; plain numbers are read too. x and y of a sphere are pixels from the
 image's centre, y down. Directions point to the light, in axes x right, y down, z forward: here y and z
 are turned about, to x right, y up, z to the camera. Of a light of type "SH" (spherical harmonics) the
-first three numbers are its direction, and the rest is passed over, as AliceVision itself does.
+first three numbers are its direction, with the intensity of a distant light alone. The other six, of
+1, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2 and 3 n_z^2 - 1, are passed over, as AliceVision itself does:
+they were fitted to what a light of that direction and of intensity 1, not of its own, leaves of the
+ball, so that there is no unit in which all nine are one light. (Those of `diffshade.io.shl` are.)
 """
 
 import json
@@ -29,7 +32,8 @@ from diffshade.io.toml_document import Table
 
 __all__ = ["Lights", "read_lights", "read_spheres", "write_lights", "write_spheres"]
 
-_AXES = np.array([1.0, -1.0, -1.0])
+AXES = np.array([1.0, -1.0, -1.0])
+"""What AliceVision's axes are multiplied by."""
 
 
 class Lights(NamedTuple):
@@ -42,6 +46,8 @@ class Lights(NamedTuple):
     intensities: Float[np.ndarray, "N 3"]
     notes: tuple[str, ...] = ()
     """What was passed over."""
+    for_any_scene: bool = False
+    """Whether the views are numbers of lights ("lightId"), to be given to the views in their order."""
 
 
 def read_spheres(path: str | os.PathLike[str], shape: tuple[int, int]) -> dict[str, Circle]:
@@ -84,23 +90,29 @@ def read_lights(path: str | os.PathLike[str]) -> Lights:
     if not entries:
         table.fail("holds no light; give the file of a lightingCalibration")
     views, directions, intensities = [], [], []
-    harmonics = 0
+    harmonics = models = 0
     for entry in entries:
         kind = entry.choice("type", ("directional", "SH"))
         harmonics += kind == "SH"
+        models += "viewId" not in entry
         views.append(_identity(entry))
         vector = _numbers(entry, "direction", 9 if kind == "SH" else 3)[:3]
         place = f"{path}: {entry.place}"
-        directions.append(direction(vector * _AXES, place))
+        directions.append(direction(vector * AXES, place))
         intensities.append(_numbers(entry, "intensity", 3))
         if not (intensities[-1] > 0).all():
             entry.fail("an intensity is not above 0; correct it")
     if len(set(views)) != len(views):
         table.fail("has two lights for one view; leave one out")
+    if models not in (0, len(views)):
+        table.fail("has lights with a viewId and others with a lightId; give one or the other")
     notes: tuple[str, ...] = ()
     if harmonics:
-        notes = (f"{harmonics} lights of spherical harmonics: read as directional",)
-    return Lights(tuple(views), np.array(directions), np.array(intensities), notes)
+        notes = (
+            f"{harmonics} lights of spherical harmonics: read as directional, as AliceVision does; the"
+            " six numbers after the direction are in another unit than it",
+        )
+    return Lights(tuple(views), np.array(directions), np.array(intensities), notes, models > 0)
 
 
 def write_spheres(
@@ -143,7 +155,7 @@ def write_lights(
         raise BadInput(f"{path}: a light is not finite, or not above 0; mend what made it")
     lights = []
     for view, vector, power in zip(views, vectors, powers, strict=True):
-        turned = direction(vector, f"{path}: view {view}") * _AXES + 0.0  # no minus before a 0
+        turned = direction(vector, f"{path}: view {view}") * AXES + 0.0  # no minus before a 0
         lights.append(
             {
                 "viewId": str(view),

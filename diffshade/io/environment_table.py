@@ -1,6 +1,7 @@
-"""An environment in a TOML file: a latitude-longitude image, or the harmonics themselves.
+"""An environment in a TOML file: a latitude-longitude image, AliceVision's `.shl`, or harmonics.
 
     lights = [{ kind = "environment", file = "sky.exr", order = 8 }]
+    lights = [{ kind = "environment", file = "global.shl" }]
     lights = [{ kind = "environment", harmonics = [[0.8, 0.7, 0.9], ...], intensity = 0.5 }]
 
 Rows of `harmonics` have one number, or one a channel.
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from diffshade.io.encoding import Encoding
 from diffshade.io.image import read_image
+from diffshade.io.shl import read_shl
 from diffshade.io.toml_document import Table
 
 if TYPE_CHECKING:
@@ -28,6 +30,8 @@ def read_environment(table: Table) -> EnvironmentLight:
     from diffshade.light.environment import EnvironmentLight
 
     own = ("harmonics",) if "harmonics" in table else ("file", "order")
+    if "order" not in table and str(table.values.get("file")).lower().endswith(".shl"):
+        own = ("file",)
     table.expect(("kind", *own), ("intensity",))
     intensity: Any = table.per_channel("intensity") if "intensity" in table else 1.0
     if "harmonics" in table:
@@ -36,6 +40,8 @@ def read_environment(table: Table) -> EnvironmentLight:
         if light.order > _HIGHEST:
             table.fail(f"the harmonics are of order {light.order}; give at most {_HIGHEST}")
         return light
+    if own == ("file",):
+        return EnvironmentLight(read_shl(table.file("file")).harmonics, intensity)
     order = table.whole("order")
     if order > _HIGHEST:
         table.fail(f"order is {order}; give at most {_HIGHEST}")

@@ -22,8 +22,9 @@ def read_capture(
     allow_outside: bool = False,
     progress: Progress | None = None,
 ) -> Capture:
-    """Read a folder in the photometric-stereo layout, an RTI `.lp` file, Relight's `.dome`, a
-    `capture.toml`, or the folder that holds one (which goes before the layout).
+    """Read a folder in the photometric-stereo layout, an RTI `.lp` file, Relight's `.dome`,
+    AliceVision's `lights.json`, a `capture.toml`, or the folder that holds one (which goes before the
+    layout).
 
     `white` is the encoded level at which the sensor clips, as a part of full scale (in the units of
     a floating-point file). `circle` is the outline (cx, cy, radius) of a ball in pixels from the
@@ -66,6 +67,10 @@ def read_capture(
             from diffshade.io.dome import read_dome
 
             return read_dome(path, **options, circle=circle)
+        case ".json":
+            from diffshade.io.alicevision_capture import read_alicevision
+
+            return read_alicevision(path, **options, circle=circle)
         case ".toml":
             from diffshade.io.capture_toml import read_capture_toml
 
@@ -77,13 +82,17 @@ def read_capture(
             return read_capture_toml(path, **options)
     raise BadInput(
         f"{path}: is not a capture; give a folder in the photometric-stereo layout, an .lp file, a .dome"
-        " file or a capture.toml"
+        " file, AliceVision's lights.json or a capture.toml"
     )
 
 
 def _no_capture_in(folder: Path, files: Sequence[str]) -> str:
-    lp = sorted(file.name for file in folder.glob("*.[lL][pP]"))
-    instead = f"; it holds {lp[0]}: give that file" if lp else ""
+    others = sorted(
+        file.name
+        for file in folder.iterdir()
+        if file.suffix.lower() in (".lp", ".dome") or file.name.lower() == "lights.json"
+    )
+    instead = f"; it holds {others[0]}: give that file" if others else ""
     return (
         f"{folder}: holds neither capture.toml nor {' and '.join(files)}{instead or '; add them'}"
     )

@@ -113,13 +113,15 @@ def test_spherical_harmonics_keep_their_direction(tmp_path: Path) -> None:
     document = json.loads(LIGHTS)
     document["lights"][0] |= {
         "type": "SH",
-        "lightId": "0",
         "direction": ["0.6", "0", "-0.8"] + 6 * ["1"],
     }
-    del document["lights"][0]["viewId"]
+    for k, light in enumerate(document["lights"]):
+        del light["viewId"]
+        light["lightId"] = str(k)
     found = read_lights(written(tmp_path, json.dumps(document)))
     np.testing.assert_allclose(found.directions[0], (0.6, 0, 0.8))
-    assert found.views[0] == "0"
+    assert found.views == ("0", "1")
+    assert found.for_any_scene
     assert "spherical harmonics" in found.notes[0]
 
 

@@ -10,6 +10,7 @@ from malformed.texts import json_changes, ps_folder
 
 from diffshade.io.alicevision import read_lights, read_spheres
 from diffshade.io.read_capture import read_capture
+from diffshade.io.shl import read_shl
 
 DOME_TEXT = json.dumps(
     {
@@ -66,7 +67,38 @@ SPHERES = Format(
 LIGHTS = Format(
     "AliceVision lights", "lights.json", _text("lights.json", LIGHTS_TEXT), read_lights, text=True
 )
-FORMATS = (DOME, SPHERES, LIGHTS)
+SHL_TEXT = "".join(f" {0.1 * k:g} -0.25 0.5\n" for k in range(9))
+SHL = Format("AliceVision .shl", "global.shl", _text("global.shl", SHL_TEXT), read_shl, text=True)
+SFM_TEXT = json.dumps(
+    {
+        "version": ["1", "2", "8"],
+        "views": [
+            {
+                "viewId": "1234",
+                "poseId": "9",
+                "path": "/shots/a.png",
+                "metadata": {"Make": "Canon"},
+            },
+            {"viewId": "77", "poseId": "9", "path": "/shots/b.png", "metadata": ""},
+        ],
+    }
+)
+
+
+def _scene(folder: Path) -> None:
+    ps_folder(folder)
+    (folder / "lights.json").write_text(LIGHTS_TEXT)
+    (folder / "cameraInit.sfm").write_text(SFM_TEXT)
+
+
+SFM = Format(
+    "AliceVision scene",
+    "cameraInit.sfm",
+    _scene,
+    lambda path: read_capture(path.parent / "lights.json", encoding="linear"),
+    text=True,
+)
+FORMATS = (DOME, SPHERES, LIGHTS, SHL, SFM)
 
 
 def of_dome() -> Iterator[Case]:
@@ -150,6 +182,37 @@ def of_alicevision() -> Iterator[Case]:
     yield damaged(LIGHTS, "wrong shape", "a view twice", lambda _: json.dumps(twice).encode())
 
 
+def of_shl() -> Iterator[Case]:
+    yield from any_file(SHL)
+    for value in ("nan", "inf", "1e999"):
+        yield replaced(SHL, "NaN", value, "-0.25", value)
+    yield replaced(SHL, "wrong dtype", "a word", "-0.25", "red")
+    yield replaced(SHL, "wrong shape", "a number more", "-0.25", "-0.25 1")
+    yield replaced(SHL, "absurd header", "10^300", "-0.25", "1e300")
+    yield damaged(SHL, "wrong shape", "a row more", lambda c: c + b"1 2 3\n")
+
+
+def of_scene() -> Iterator[Case]:
+    yield from any_file(SFM)
+    yield from json_changes(SFM)
+    changes: dict[tuple[str, str], tuple[str, str]] = {
+        ("missing key", "no views"): ('"views"', '"shots"'),
+        ("missing key", "no view"): ('"viewId"', '"id"'),
+        ("missing key", "no path"): ('"path"', '"file"'),
+        ("wrong type", "a path that is a list"): ('"/shots/a.png"', '["/shots/a.png"]'),
+        ("wrong type", "metadata in a list"): ('{"Make": "Canon"}', '["Canon"]'),
+        ("wrong shape", "a view twice"): ('"77"', '"1234"'),
+        ("wrong shape", "a view in a list"): ('[{"viewId"', '[[1], {"viewId"'),
+        ("path escape", "no name at all"): ('"/shots/a.png"', '"/"'),
+    }
+    for (kind, name), (old, new) in changes.items():
+        yield replaced(SFM, kind, name, old, new)
+    for file in ("a.png", "mask.png", "sphere.json"):
+        yield from escapes(SFM, file, lambda path, other: None, links_only=True)
+
+
 def cases() -> Iterator[Case]:
     yield from of_dome()
     yield from of_alicevision()
+    yield from of_shl()
+    yield from of_scene()
