@@ -33,7 +33,8 @@ class Capture:
     names: tuple[str, ...]
     """The file of each image, as the capture names it."""
     images: tuple[Pixels, ...]
-    """Linear radiance; in a photometric-stereo folder divided by the light's intensity."""
+    """Linear radiance; in a photometric-stereo folder divided by the light's intensity,
+    in a `capture.toml` by the exposures that it states."""
     valid: tuple[Mask, ...]
     """Pixels of the mask that are finite, opaque and not clipped: those that a fit may use."""
     clipped: tuple[Mask, ...]
@@ -56,11 +57,16 @@ def assemble(
     scenes: Sequence[Scene],
     *,
     divisors: Sequence[Colour] | None = None,
+    exposures: Sequence[float] | None = None,
     fit_attenuation: type[AbstractAttenuation] | None = None,
     circle: Circle | None = None,
     notes: Sequence[str] = (),
 ) -> Capture:
-    """A capture from its parts; image k is divided by `divisors[k]` after clipping was decided."""
+    """A capture from its parts; image k is divided by `divisors[k]`, or by what is stated of its
+    exposure, after clipping was decided.
+    """
+    if exposures is not None:
+        divisors = [np.array([exposure]) for exposure in exposures]
     mask = np.asarray(gbuffer.mask)
     images, valid, clipped = [], [], []
     for k, photograph in enumerate(photographs):
@@ -88,5 +94,5 @@ def assemble(
         scenes=tuple(scenes),
         fit_attenuation=fit_attenuation,
         circle=circle,
-        notes=(*notes, *photography.notes(photographs, mask), *spent),
+        notes=(*notes, *photography.notes(photographs, mask, exposures), *spent),
     )

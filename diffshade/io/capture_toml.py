@@ -1,9 +1,12 @@
 """`capture.toml`: photographs, and the geometry, camera and lights they were taken with.
 
-Nothing is divided: intensities and I_a are part of the model. An image without its own word on
+Nothing is divided by intensities: they and I_a are part of the model. An image without its own word on
 encoding needs `encoding` here. `attenuation = { kind = "quadratic" }` without numbers, or "linear"
 or "exponential", asks for one set of constants to be fitted for all point lights, so all of them say so,
 or none.
+
+`exposure` of an image, in seconds or relative to the others, is what the image is divided by, so that its
+unit is that of an exposure of 1; if one image has it, all have.
 """
 
 from __future__ import annotations
@@ -60,6 +63,7 @@ def read_capture_toml(
     if not entries:
         top.fail("there is no [[image]]; give at least one")
     lights = [_lights(entry, lit=ambient is not None) for entry in entries]
+    exposures = _exposures(entries)
     fitted = _fitted([light for of_image in lights for light in of_image])
     known: dict[str, Any] = {}  # the file of an environment is read once
     for light in (light for of_image in lights for light in of_image):
@@ -114,6 +118,7 @@ def read_capture_toml(
         photographs,
         gbuffer,
         scenes,
+        exposures=exposures,
         fit_attenuation=fitted,
         notes=(*notes, *lost_pixels(mask, gbuffer)),
     )
@@ -131,11 +136,27 @@ def _encoding(top: Table) -> str | float | None:
 
 
 def _lights(entry: Table, *, lit: bool) -> list[Table]:
-    entry.expect(("file", "lights"))
+    entry.expect(("file", "lights"), ("exposure",))
     lights = entry.tables("lights", "light")
     if not lights and not lit:
         entry.fail("lights is empty and there is no ambient light; give one or the other")
     return lights
+
+
+def _exposures(entries: list[Table]) -> list[float] | None:
+    if not any("exposure" in entry for entry in entries):
+        return None
+    found = []
+    for entry in entries:
+        if "exposure" not in entry:
+            entry.fail("has no exposure where others have; give each image its own, or none any")
+        exposure = entry.number("exposure", above=0.0)
+        if not 1e-9 < exposure < 1e9:
+            entry.fail(
+                f"exposure is {exposure:.3g}; give seconds, or a number relative to the others"
+            )
+        found.append(exposure)
+    return found
 
 
 def _fitted(lights: list[Table]) -> type[AbstractAttenuation] | None:

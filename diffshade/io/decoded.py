@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Shaped
 
 from diffshade.errors import BadInput
 from diffshade.io.encoding import Encoding
+from diffshade.io.exif import Shot
 
 __all__ = ["Decoded", "Mask", "Pixels", "Plane", "Samples", "with_channels"]
 
@@ -28,6 +29,8 @@ class Decoded:
     """Bits a sample."""
     encoding: Encoding
     """What the file says about its values."""
+    shot: Shot | None = None
+    """What it was taken with, where the file says so."""
 
     def scaled(self) -> tuple[Pixels, Plane | None]:
         """Colour and alpha with full scale 1; alpha is None where it is absent or opaque."""

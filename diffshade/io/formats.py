@@ -1,6 +1,7 @@
 """The formats that can be read: recognised by content, never by name, each read by its module."""
 
 import logging
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from diffshade.errors import BadInput
 from diffshade.io import exr, jpeg, png, radiance, raw, tiff
 from diffshade.io.contents import read_bytes
 from diffshade.io.decoded import Decoded
+from diffshade.io.exif import Shot, shot_in_tiff
 
 __all__ = ["Format", "decode_file", "identify"]
 
@@ -93,10 +95,15 @@ def _read_format(form: Format, data: bytes, path: Path, layer: str | None) -> De
         case Format.JPEG:
             return jpeg.read(data)
         case Format.TIFF:
-            return tiff.read(data)
+            return replace(tiff.read(data), shot=shot_in_tiff(data))
         case Format.HDR:
             return radiance.read(data)
         case Format.EXR:
             return exr.read(path, layer)
         case Format.RAW:
-            return raw.read(path)
+            # White balance is not applied there
+            return replace(raw.read(path), shot=_unbalanced(shot_in_tiff(data)))
+
+
+def _unbalanced(shot: Shot | None) -> Shot | None:
+    return None if shot is None else shot._replace(automatic_white=False)

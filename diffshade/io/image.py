@@ -18,6 +18,7 @@ from diffshade.io import exr, png
 from diffshade.io.atomic import replacing
 from diffshade.io.decoded import Mask, Pixels, Plane, with_channels
 from diffshade.io.encoding import Encoding, encode_srgb
+from diffshade.io.exif import Shot
 from diffshade.io.formats import Format, decode_file
 
 __all__ = [
@@ -52,6 +53,8 @@ class Image:
     """Bits a sample, of the sensor for camera RAW, of the mantissa for Radiance HDR."""
     format: Format
     """The format, found from the content."""
+    shot: Shot | None = None
+    """Exposure and white balance, where the file says them: JPEG, TIFF, and RAW in the form of TIFF."""
 
 
 def read_image(path: AnyPath, *, layer: str | None = None, allow_nonfinite: bool = False) -> Image:
@@ -70,7 +73,7 @@ def read_image(path: AnyPath, *, layer: str | None = None, allow_nonfinite: bool
     if not allow_nonfinite:
         _refuse_nonfinite(path, values, "mend the file, or pass allow_nonfinite=True")
     full_scale = None if decoded.full_code is None else 1.0
-    return Image(values, alpha, decoded.encoding, full_scale, decoded.bits, form)
+    return Image(values, alpha, decoded.encoding, full_scale, decoded.bits, form, decoded.shot)
 
 
 def read_mask(path: AnyPath) -> Mask:

@@ -16,6 +16,7 @@ import numpy as np
 from diffshade.errors import BadInput
 from diffshade.io.decoded import Decoded, with_channels
 from diffshade.io.encoding import Encoding
+from diffshade.io.exif import shot_of
 from diffshade.io.limits import check_size
 
 __all__ = ["read"]
@@ -30,6 +31,7 @@ def read(data: bytes) -> Decoded:
         with JpegImageFile(BytesIO(data)) as image:
             check_size((image.height, image.width, len(image.getbands())))
             samples = with_channels(np.asarray(image))
+            shot = shot_of(image.getexif())
     if samples.shape[-1] not in (1, 3):
         raise BadInput("is a CMYK JPEG; convert it to RGB")
-    return Decoded(samples, full_code=255, bits=8, encoding=Encoding.DISPLAY)
+    return Decoded(samples, full_code=255, bits=8, encoding=Encoding.DISPLAY, shot=shot)

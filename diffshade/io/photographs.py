@@ -11,6 +11,7 @@ from diffshade.errors import BadInput
 from diffshade.io import clipping
 from diffshade.io.contents import within
 from diffshade.io.encoding import Encoding, decode
+from diffshade.io.exif import Shot, exposure_note, stated_note, white_balance_note
 from diffshade.io.image import Image, read_image
 from diffshade.progress import Progress, telling
 
@@ -35,6 +36,8 @@ class Photograph:
     """What the file says itself."""
     white: float | None
     """The encoded level at which the sensor clips; None where that is unknown."""
+    shot: Shot | None = None
+    """What it was taken with, where the file says so."""
 
     @property
     def clipped(self) -> Mask:
@@ -86,6 +89,7 @@ def read_photographs(
                 else encoding,
                 declared=image.encoding,
                 white=_white(path, image, white),
+                shot=image.shot,
             )
         )
     return photographs
@@ -98,8 +102,20 @@ def size(image: np.ndarray) -> str:
     return f"{width} x {height} pixels{channels}"
 
 
-def notes(photographs: Sequence[Photograph], inside: Mask) -> tuple[str, ...]:
-    """What a user should know of how the photographs were taken, one line each."""
+def notes(
+    photographs: Sequence[Photograph], inside: Mask, exposures: Sequence[float] | None = None
+) -> tuple[str, ...]:
+    """What a user should know of how the photographs were taken, one line each.
+
+    `exposures` are those that were stated, and that the images are divided by.
+    """
+    shots = {p.name: p.shot for p in photographs if p.shot is not None}
+    exposed: tuple[str | None, ...] = (exposure_note(shots),)
+    if exposures is not None:
+        stated = {p.name: e for p, e in zip(photographs, exposures, strict=True)}
+        low, high = min(exposures), max(exposures)
+        said = f"of {low:.4g}" if low == high else f"from {low:.4g} to {high:.4g}"
+        exposed = (f"images divided by stated exposures {said}", stated_note(shots, stated))
     return tuple(
         note
         for note in (
@@ -107,6 +123,8 @@ def notes(photographs: Sequence[Photograph], inside: Mask) -> tuple[str, ...]:
             _white_note(photographs),
             _plateau_note(photographs, inside),
             _unusable_note(photographs, inside),
+            *exposed,
+            white_balance_note(shots),
         )
         if note
     )

@@ -115,22 +115,27 @@ def radiance(
     return f"#?RADIANCE\n# by hand\n{header}\n{axes.format(height, width)}\n".encode() + body
 
 
-def dng(sensor: np.ndarray, black: int, white: int) -> bytes:
-    """A DNG with a Bayer mosaic of 16 bits."""
-    fields = {  # tag: (type, values); 1 byte, 2 text, 3 short, 4 long, 10 signed rational
+Fields = dict[int, tuple[int, list[int] | bytes]]
+"""tag: (type, values); 1 byte, 2 text, 3 short, 4 long, 5 rational, 10 signed rational."""
+
+
+def dng(sensor: np.ndarray, black: int, white: int, more: Fields | None = None) -> bytes:
+    """A DNG with a Bayer mosaic of 16 bits; `more` fields are added, or replace the usual ones."""
+    fields: Fields = {
         254: (4, [0]), 256: (4, [sensor.shape[1]]), 257: (4, [sensor.shape[0]]), 258: (3, [16]),
         259: (3, [1]), 262: (3, [32803]), 271: (2, b"Hand\0"), 272: (2, b"Made\0"), 273: (4, [0]),
         274: (3, [1]), 277: (3, [1]), 278: (4, [sensor.shape[0]]), 279: (4, [2 * sensor.size]),
         33421: (3, [2, 2]), 33422: (1, [0, 1, 1, 2]), 50706: (1, [1, 4, 0, 0]),
         50708: (2, b"Hand Made\0"), 50714: (4, [black]), 50717: (4, [white]),
         50721: (10, [1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1]), 50778: (3, [21]),
+        **(more or {}),
     }  # fmt: skip
     end = 8 + 2 + 12 * len(fields) + 4
     packed: dict[int, tuple[int, int, bytes]] = {}
-    for tag, (kind, values) in fields.items():
-        code = {1: "B", 2: "s", 3: "H", 4: "I", 10: "i"}[kind]
+    for tag, (kind, values) in sorted(fields.items()):
+        code = {1: "B", 2: "s", 3: "H", 4: "I", 5: "I", 10: "i"}[kind]
         raw = bytes(values) if kind == 2 else struct.pack(f"<{len(values)}{code}", *values)
-        packed[tag] = (kind, len(values) // (2 if kind == 10 else 1), raw)
+        packed[tag] = (kind, len(values) // (2 if kind in (5, 10) else 1), raw)
     packed[273] = (
         4,
         1,

@@ -333,6 +333,36 @@ def test_raw_is_linear_between_black_and_white(tmp_path: Path) -> None:
     assert (saturated.values[-4:] == saturated.full_scale).all()
 
 
+def test_raw_of_two_frames_has_one_scale(tmp_path: Path) -> None:
+    """Twice the light is twice the value, to the last bit, whatever the brightest of each frame."""
+    pytest.importorskip("rawpy", reason="camera RAW is an extra")
+    black = 512
+    white = black + 65535 // 5  # so that a step of the sensor is a whole number of codes
+    light = np.zeros((64, 64), np.uint16)
+    light[8:] = 700
+    light[40:] = 6000
+    dim, bright = (
+        read_image(saved(tmp_path, dng(black + k * light, black, white))).values for k in (1, 2)
+    )
+    assert np.array_equal(bright[12:36], 2 * dim[12:36])
+    assert np.array_equal(bright[44:], 2 * dim[44:])
+    np.testing.assert_array_equal(dim[12:36], np.float32(5 * 700 / 65535))
+    assert (dim[:4] == 0).all()
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_raw_stands_as_the_sensor_stored_it(orientation: int, tmp_path: Path) -> None:
+    pytest.importorskip("rawpy", reason="camera RAW is an extra")
+    sensor = np.zeros((32, 64), np.uint16)
+    sensor[:16, :32] = 9000
+    turned = dng(sensor, 0, 65535, {274: (3, [orientation])})
+    values = read_image(saved(tmp_path, turned)).values
+    assert values.shape == (32, 64, 3)
+    bright = np.argwhere(values[..., 1] > 0.1)
+    assert (bright.min(axis=0) <= (1, 1)).all()
+    assert (bright.max(axis=0) < (20, 36)).all()
+
+
 def test_raw_is_told_from_tiff_by_its_tags() -> None:
     cfa, preview = 32803, {330: len(tiff(U8, {330: 0}))}
     directory = struct.pack("<HHHIII", 1, 262, 4, 1, cfa, 0)
