@@ -76,7 +76,7 @@ def read_alicevision(
 ) -> Capture:
     """Read the capture of a `lights.json`; options as `read_capture`. Raises `BadInput`."""
     lights = read_lights(path)
-    scene = _scene_beside(path)
+    scene = _scene_beside(path, allow_outside)
     chosen, notes = _lit(path, scene, lights)
     beside = {file.name.lower(): file.name for file in sorted(path.parent.iterdir())}
     names = []
@@ -121,10 +121,10 @@ def read_alicevision(
     )
 
 
-def _scene_beside(path: Path) -> Path:
+def _scene_beside(path: Path, allow_outside: bool) -> Path:
     found = sorted(f for f in path.parent.iterdir() if f.suffix.lower() == ".sfm")
     if len(found) == 1:
-        return found[0]
+        return within(path.parent, found[0].name, allow_outside=allow_outside)
     names = ", ".join(file.name for file in found[:3])
     raise BadInput(
         f"{path}: {f'several scenes lie beside it ({names})' if found else 'no scene lies beside it'};"

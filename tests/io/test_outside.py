@@ -20,6 +20,9 @@ READERS: dict[str, Callable[..., Any]] = {
     "capture": read_capture,
     "scene": read_scene_toml,
     "dome": lambda path, **o: read_capture(path, encoding="linear", **o),
+    "AliceVision scene": lambda path, **o: read_capture(
+        path.parent / "lights.json", encoding="linear", **o
+    ),
     "lp": lambda path, **o: read_capture(path, encoding="linear", **o),
     "filenames.txt": lambda path, **o: read_capture(path.parent, **o),
     "sphere.json": lambda path, **o: read_capture(path.parent, **o),

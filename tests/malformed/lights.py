@@ -203,11 +203,11 @@ def of_scene() -> Iterator[Case]:
         ("wrong type", "metadata in a list"): ('{"Make": "Canon"}', '["Canon"]'),
         ("wrong shape", "a view twice"): ('"77"', '"1234"'),
         ("wrong shape", "a view in a list"): ('[{"viewId"', '[[1], {"viewId"'),
-        ("path escape", "no name at all"): ('"/shots/a.png"', '"/"'),
+        ("missing key", "no name at all"): ('"/shots/a.png"', '"/"'),
     }
     for (kind, name), (old, new) in changes.items():
         yield replaced(SFM, kind, name, old, new)
-    for file in ("a.png", "mask.png", "sphere.json"):
+    for file in ("cameraInit.sfm", "a.png", "mask.png", "sphere.json"):
         yield from escapes(SFM, file, lambda path, other: None, links_only=True)
 
 
