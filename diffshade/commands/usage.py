@@ -242,6 +242,13 @@ def _calibrate(parser: ArgumentParser) -> None:
         help="The vertical field of view of a camera that is near; without it the ball is seen from"
         " afar.",
     )
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        type=Path,
+        help="Write the directions too: .toml, [[image]] tables to end a capture.toml with; .lp, as of an"
+        " RTI; .txt, a light_directions.txt.",
+    )
     _json(parser)
     _outside(parser)
     _precision(parser)

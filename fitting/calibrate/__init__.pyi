@@ -2,14 +2,15 @@ from .ball import MirrorBall as MirrorBall
 from .ball import mirror_ball as mirror_ball
 from .brackets import Merged as Merged
 from .brackets import merge_brackets as merge_brackets
+from .highlight import Highlight as Highlight
+from .highlight import find_highlight as find_highlight
 from .joint_lights import MovedLight as MovedLight
 from .joint_lights import RefinedLights as RefinedLights
 from .joint_lights import moved_lights as moved_lights
 from .joint_lights import refine_lights as refine_lights
 from .lens import undistort as undistort
-from .mirror import Highlight as Highlight
 from .mirror import ball_of as ball_of
-from .mirror import find_highlight as find_highlight
+from .mirror import degrees_per_pixel as degrees_per_pixel
 from .mirror import mirrored as mirrored
 from .near import NearLight as NearLight
 from .near import near_light as near_light

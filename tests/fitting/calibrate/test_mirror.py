@@ -8,7 +8,14 @@ from shared import shared_data
 from diffshade.errors import BadInput
 from diffshade.io.circle import Circle
 from diffshade.io.image import read_image, read_mask
-from fitting.calibrate import find_highlight, mirror_ball
+from fitting.calibrate import (
+    ball_of,
+    degrees_per_pixel,
+    find_highlight,
+    mirror_ball,
+    mirrored,
+    sphere_of_circle,
+)
 
 SHAPE = (120, 140)
 CIRCLE = Circle(72.3, 58.6, 50.4)
@@ -45,6 +52,25 @@ def test_directions_in_perspective() -> None:
     near, far = mirror_ball(images, mask=mask, fov=fov), mirror_ball(images, mask=mask)
     assert degrees(near.directions, LIGHTS).max() < 1.0
     assert degrees(far.directions, LIGHTS).max() > 5
+
+
+def test_degrees_per_pixel() -> None:
+    """From afar 2 / (R n.v) radians; in perspective, by differences of directions a step apart."""
+    across = np.array([0.0, 0.5, -0.9])
+    x, y = CIRCLE.cx + 0.6 * CIRCLE.radius * across, CIRCLE.cy + 0.8 * CIRCLE.radius * across
+    expected = np.degrees(2 / (CIRCLE.radius * np.sqrt(1 - across**2)))
+    found = degrees_per_pixel(*ball_of(CIRCLE, SHAPE), x, y)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    near, step = sphere_of_circle(CIRCLE, SHAPE, 0.9), 1e-2
+    turns = [
+        degrees(
+            np.asarray(mirrored(*near, x + step * np.cos(a), y + step * np.sin(a))[1], float),
+            np.asarray(mirrored(*near, x - step * np.cos(a), y - step * np.sin(a))[1], float),
+        )
+        / (2 * step)
+        for a in np.linspace(0, np.pi, 60)
+    ]
+    np.testing.assert_allclose(degrees_per_pixel(*near, x, y), np.max(turns, axis=0), rtol=2e-2)
 
 
 def test_glare_and_a_second_reflection_do_not_move_the_highlight() -> None:
