@@ -88,7 +88,7 @@ def find_highlight(
     core = inside & (values >= max(CORE * peak, ground))
     clipped = np.count_nonzero(core) >= FEWEST and np.median(values[core]) > FLAT * peak
     weight, rival = _by_depth(core) if clipped else _above_foot(values, inside, half, core)
-    check_whole(weight > 0, inside)
+    check_whole(core if clipped else weight > 0, weight > 0, inside)
     weight = weight / weight.sum()
     at_x, at_y = float((x * weight).sum()), float((y * weight).sum())
     size = float(np.sqrt((((x - at_x) ** 2 + (y - at_y) ** 2) * weight).sum()))

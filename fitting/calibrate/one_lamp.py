@@ -47,9 +47,11 @@ def check_one_lamp(bright: Mask, circle: Circle) -> None:
         )
 
 
-def check_whole(highlight: Mask, inside: Mask) -> None:
-    """Raise `BadInput` where the edge of what is looked at cuts the highlight off."""
-    if (highlight & ~ndimage.binary_erosion(inside)).any():
+def check_whole(highlight: Mask, counted: Mask, inside: Mask) -> None:
+    """Raise `BadInput` where the edge of what is looked at cuts the highlight off: where a pixel that is
+    `counted`, as those of thin streaks are not, is as near to the one's edge as to the other's."""
+    depth, away = (ndimage.distance_transform_edt(plane) for plane in (highlight, inside))
+    if (depth >= away)[counted].any():
         raise BadInput(
             "the highlight is cut off at the edge of the ball: a mirror ball shows no lamp behind it"
             " whole, and a matte one is bright there; move the lamp to the front, or correct the circle"

@@ -23,9 +23,9 @@ def ball(level: float = 0.02) -> np.ndarray:
     return np.full((*SHAPE, 1), level)
 
 
-def matte(light: tuple[float, ...], gamma: float = 1.0) -> np.ndarray:
-    """A matte ball that fills the circle, under a distant light."""
-    y, x = (np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5 - 60) / 50
+def matte(light: tuple[float, ...], gamma: float = 1.0, scale: int = 1) -> np.ndarray:
+    """A matte ball that fills the circle, or a larger one, under a distant light."""
+    y, x = (np.mgrid[: 120 * scale, : 120 * scale] + 0.5) / (50 * scale) - 1.2
     hit = x**2 + y**2 < 1
     n = np.stack([x, -y, np.sqrt(np.where(hit, 1 - x**2 - y**2, 0))], axis=-1)
     shade = np.where(hit, (n @ unit(np.array(light))).clip(0), 0)
@@ -105,6 +105,19 @@ def test_a_crescent_at_the_edge_is_refused(light: tuple[float, ...]) -> None:
     for image in (matte(light), mirror):
         with pytest.raises(BadInput, match="cut off at the edge"):
             find_highlight(image, CIRCLE)
+
+
+def test_a_wide_clipped_crescent_is_refused() -> None:
+    """Whose core is so deep that the pixels at the edge themselves do not count; a streak of glare that
+    reaches the edge is not taken for one."""
+    image = (8 * matte((0.44, 0, -0.9), scale=8)).clip(0, 1)
+    with pytest.raises(BadInput, match="cut off at the edge"):
+        find_highlight(image, Circle(480.0, 480.0, 400.0))
+    lamp = mirror_image(SHAPE, CENTER, CIRCLE.radius, np.array([0.5, 0.3, 1.0]), spread=0.3)
+    plain = find_highlight(lamp, CIRCLE)
+    lamp[int(plain.y), int(plain.x) :] = 1.0
+    glared = find_highlight(lamp, CIRCLE)
+    assert np.hypot(glared.x - plain.x, glared.y - plain.y) < 0.3
 
 
 @pytest.mark.parametrize("kind", noisy(np.random.default_rng(0)))
