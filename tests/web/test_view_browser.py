@@ -293,6 +293,23 @@ def test_nothing_lies_beside_a_narrow_screen(view: Any, width: int) -> None:
     assert box["width"] / box["height"] == pytest.approx(120 / 102, rel=0.02)
 
 
+@pytest.mark.parametrize("width", [320, 1200])
+def test_numbers_are_seen_whole(view: Any, width: int) -> None:
+    shown = view("phong ball")
+    shown.tab.set_viewport_size({"width": width, "height": 700})
+    shown.do(
+        """diffshade.set({
+        kd: [0.123456, 0.000123456, 0.00000123456], "specular.0.shininess": 12345.6,
+        "lights.0.position": [-12.5, -0.00000123456, -1234.56]
+        })"""
+    )
+    hidden = shown.do(
+        """[...document.querySelectorAll("input[type=number]")]
+        .filter((field) => field.scrollWidth > field.clientWidth + 1).map((field) => field.value)"""
+    )
+    assert hidden == []
+
+
 def test_a_browser_without_webgl_2_is_told(view: Any) -> None:
     shown = view("grey", before="HTMLCanvasElement.prototype.getContext = () => null;")
     trouble = shown.tab.locator("#trouble")
