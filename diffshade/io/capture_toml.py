@@ -26,7 +26,7 @@ from diffshade.io.toml_document import Table, read_toml
 from diffshade.io.toml_tables import (
     asks_for_fit,
     channel_count,
-    read_light,
+    read_lights,
     read_view,
     refuse_near_lights,
     view_through,
@@ -68,10 +68,10 @@ def read_capture_toml(
     known: dict[str, Any] = {}  # the file of an environment is read once
     for light in (light for of_image in lights for light in of_image):
         if (said := repr(light.values)) not in known:
-            known[said] = read_light(light)
+            known[said] = read_lights(light)
     with top.naming():
         scenes = [
-            Scene(ambient=ambient, lights=tuple(known[repr(light.values)] for light in of_image))
+            Scene(ambient, tuple(lit for light in of_image for lit in known[repr(light.values)]))
             for of_image in lights
         ]
 
@@ -94,7 +94,7 @@ def read_capture_toml(
         for light in of_image:
             channel_count(light, "intensity", channels)
             channel_count(light, "radiance", channels)
-            around = environment_channels(known[repr(light.values)])
+            around = environment_channels(light, known[repr(light.values)])
             if around not in (1, channels):
                 light.fail(
                     f"the environment has {around} channels where the images have {channels};"

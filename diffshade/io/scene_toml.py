@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -37,7 +38,7 @@ from diffshade.io.reflectance_tables import (
 from diffshade.io.toml_document import Table, read_toml
 from diffshade.io.toml_tables import (
     asks_for_fit,
-    read_light,
+    read_lights,
     read_view,
     refuse_near_lights,
     view_through,
@@ -139,14 +140,16 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
         if "transparency" in table:
             transparency = read_transparency(table.table("transparency"))
     with top.naming():
-        given = tuple(map(read_light, lights))
+        each = tuple(map(read_lights, lights))
+        given = tuple(chain.from_iterable(each))
         scene = Scene(ambient=ambient, lights=given)
-    _one_channel_count(top, lights, tuple(map(environment_channels, given)))
+    _one_channel_count(top, lights, tuple(map(environment_channels, lights, each)))
     geometry, camera, notes = read_view(top)
     refuse_near_lights(geometry, lights)
     shadows = "shadows" in top and top.truth("shadows")
-    if shadows and any(light.values["kind"] == "environment" for light in lights):
-        top.fail("an environment throws no shadows; leave shadows out, or the environment")
+    for light in lights:
+        if shadows and light.values["kind"] == "environment" and "samples" not in light:
+            light.fail("an environment throws shadows by its samples only; give samples = 16")
     if shadows and top.table("geometry").values["kind"] == "normals":
         top.fail("shadows need a surface, and a map of normals is none; leave shadows out")
     if material is None:

@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from diffshade.geometry.gbuffer import GBuffer
     from diffshade.geometry.surface import AbstractSurface
     from diffshade.light.attenuation import AbstractAttenuation
+    from diffshade.light.base import AbstractLight
     from diffshade.light.distributed import AbstractEmitter
 
 __all__ = [
     "View",
     "asks_for_fit",
     "channel_count",
-    "read_light",
+    "read_lights",
     "read_view",
     "refuse_near_lights",
     "view_through",
@@ -55,13 +56,22 @@ def read_view(top: Table) -> View:
     return View(geometry, None, notes)
 
 
-def read_light(table: Table) -> Any:
+def read_lights(table: Table) -> tuple[Any, ...]:
     """`{ kind = "point" | "spot" | "parallel" | "rectangle" | "disc" | "sphere" | "line" |
     "environment", ... }`.
 
-    A light, or one with extent: what `ds.Scene` takes.
+    A light, or one with extent; of an environment that has `samples` the parallel lights that it is
+    then: what `ds.Scene` takes.
     A light that `asks_for_fit` gets f = 1, where the fit of the constants starts.
     """
+    if table.values.get("kind") == "environment":
+        from diffshade.io.environment_table import read_environment
+
+        return read_environment(table)
+    return (_light(table),)
+
+
+def _light(table: Table) -> AbstractLight | AbstractEmitter:
     from diffshade.light.parallel import ParallelLight
     from diffshade.light.point import PointLight
     from diffshade.light.spot import SpotLight
@@ -92,10 +102,6 @@ def read_light(table: Table) -> Any:
             towards = _direction(table, "direction", "the direction from the surface to the light")
             with table.naming():
                 return ParallelLight(towards, table.per_channel("intensity"))
-        case "environment":
-            from diffshade.io.environment_table import read_environment
-
-            return read_environment(table)
         case kind:
             return _extended(table, kind)
 

@@ -68,7 +68,8 @@ def refuse(part: AbstractLobe | FresnelBody) -> NoReturn:
     weighted = "weighted " * (getattr(part, "weight", None) is not None)
     raise BadInput(
         f"the material has a {weighted}{type(part).__name__}, and an EnvironmentLight is integrated for"
-        " diffuse and plain Phong terms: light it by environment.as_lights(samples)"
+        " diffuse and plain Phong terms: light it by environment.as_lights(samples); in a scene.toml or"
+        " a capture.toml give the environment samples = 16"
     )
 
 

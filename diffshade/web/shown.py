@@ -83,6 +83,14 @@ def check(shown: Shown) -> None:
         and getattr(shown.geometry, "slot", None) is not None
     ):
         raise BadInput("Gouraud shading of a mesh with slots: use another shading")
+    for number, written in enumerate(shown.written.get("lights", ()), 1):
+        if (
+            written["kind"] == "environment"
+        ):  # also where it is sampled: no slider moves all of that
+            raise BadInput(
+                f"light {number} is an environment, which the page does not show: give point, spot and"
+                " parallel lights"
+            )
     for number, light in enumerate(shown.scene.lights, 1):
         if type(light) not in LIGHTS:
             raise BadInput(

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from capture_files import codes, write_png
-from test_scene_toml import read
+from test_scene_toml import read, write
 
 import diffshade as ds
+from diffshade.cli import run
 from diffshade.errors import BadInput
 from diffshade.io.image import write_exr
 from diffshade.io.read_capture import read_capture
@@ -72,6 +73,9 @@ def test_harmonics(tmp_path: Path) -> None:
         ('kind = "environment"\nharmonics = 1', "harmonics is 1; give a list of numbers"),
         ('kind = "environment"\nharmonics = []', "harmonics is []; give a list of numbers"),
         (HARMONICS + "\nintensity = [1, 2]", "light 2: 2 channels meet 3"),
+        (HARMONICS + "\nsamples = 0", "light 2: samples is 0; give a whole number of at least 1"),
+        (HARMONICS + "\nsamples = 33", "light 2: samples is 33; give at most 32"),
+        ('kind = "environment"\nharmonics = [[1, 2]]\nsamples = 2', "environment has 2 numbers"),
         (
             'kind = "environment"\nharmonics = [[1, 2]]',
             "light 2: environment has 2 numbers",
@@ -85,6 +89,40 @@ def test_what_is_wrong_is_said(new: str, complaint: str, tmp_path: Path) -> None
         read(tmp_path, (PARALLEL, new))
     assert complaint in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("table", [HARMONICS, NINE])
+def test_samples_are_parallel_lights(table: str, tmp_path: Path) -> None:
+    whole = read(tmp_path, (PARALLEL, table)).scene.lights[1]
+    file = read(tmp_path, (PARALLEL, f"{table}\nsamples = 3"))
+    sampled = file.scene.lights[1:]
+    assert file.lights[1:] == sampled
+    for light, expected in zip(sampled, whole.as_lights(3), strict=True):
+        assert isinstance(light, ds.ParallelLight)
+        np.testing.assert_array_equal(light.direction, expected.direction)
+        np.testing.assert_array_equal(light.intensity, expected.intensity)
+
+
+def test_every_lobe_is_lit_by_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ggx = ('kind      = "phong"', 'kind = "ggx"\nalpha = 0.4'), ("shininess = 20\n", "")
+    path = write(tmp_path, *ggx, (PARALLEL, NINE))
+    words = ["render", str(path), "--out", str(tmp_path / "image.npy")]
+    assert run(words) == 3
+    assert "give the environment samples = 16" in capsys.readouterr().err
+    write(tmp_path, *ggx, (PARALLEL, f"{NINE}\nsamples = 3"))
+    assert run(words) == 0
+    image = np.load(tmp_path / "image.npy")
+    assert np.isfinite(image).all()
+    assert image.max() > 0.1
+    assert run(["view", str(path)]) == 3
+    assert "light 2 is an environment" in capsys.readouterr().err
+
+
+def test_shadows_by_samples(tmp_path: Path) -> None:
+    shadows = ("ambient  = 0.1\n", "ambient  = 0.1\nshadows = true\n")
+    with pytest.raises(BadInput, match=r"light 2: an environment throws .* samples = 16"):
+        read(tmp_path, (PARALLEL, NINE), shadows)
+    assert read(tmp_path, (PARALLEL, f"{NINE}\nsamples = 1"), shadows).shadows
 
 
 CAPTURE = """
@@ -112,7 +150,12 @@ def test_photographs_under_one_sky(tmp_path: Path) -> None:
     assert first.lights[0] is second.lights[1]
     expected = ds.EnvironmentLight.from_image(image, 2).harmonics
     np.testing.assert_allclose(first.lights[0].harmonics, expected, rtol=1e-6)
-    path.write_text(CAPTURE.replace('file = "sky.exr", order = 2', "harmonics = [[1, 2]]"))
-    with pytest.raises(BadInput) as refused:
-        read_capture(path)
-    assert "light 1: the environment has 2 channels where the images have 3" in str(refused.value)
+    for more in ("", ", samples = 2"):
+        other = f"harmonics = [[1, 2]]{more}"
+        path.write_text(CAPTURE.replace('file = "sky.exr", order = 2', other))
+        with pytest.raises(BadInput) as refused:
+            read_capture(path)
+        said = "light 1: the environment has 2 channels where the images have 3"
+        assert said in str(refused.value)
+    path.write_text(CAPTURE.replace("order = 2", "order = 2, samples = 2"))
+    assert [len(scene.lights) for scene in read_capture(path).scenes] == [8, 9]
