@@ -61,6 +61,8 @@ __all__ = ["SCHEMA", "SceneFile", "read_scene_toml"]
 
 SCHEMA = "diffshade.scene/1"
 OPTIONAL = ("schema", "camera", "ambient", "lights", "material", "shading", "shadows")
+COEFFICIENTS = ("ka", "kd", "od", "os")
+OF_MATERIAL = (*COEFFICIENTS, "specular", "body", "transparency")
 
 
 class SceneFile(NamedTuple):
@@ -121,6 +123,10 @@ def read_scene_toml(path: Path, *, allow_outside: bool = False) -> SceneFile:
     top = read_toml(path, allow_outside=allow_outside)
     if "image" in top:
         top.fail("this is a capture, of photographs; give it to diffshade fit")
+    for key in OF_MATERIAL:
+        if key in top:
+            header = "[[material.specular]]" if key == "specular" else "[material]"
+            top.fail(f"{key} stands at the top, and is the material's: write it below {header}")
     top.expect(("geometry",), OPTIONAL)
     if "schema" in top:
         top.choice("schema", (SCHEMA,))
@@ -190,15 +196,14 @@ def _shading(top: Table) -> AbstractFrequency:
 def _material(table: Table) -> Material:
     from diffshade.reflectance.material import Material
 
-    coefficients = ("ka", "kd", "od", "os")
-    table.expect((), (*coefficients, "specular", "body", "transparency"))
+    table.expect((), OF_MATERIAL)
     if not {"ka", "kd", "specular"} & set(table.values):
         table.fail("it has no term; give ka, kd or specular")
     lobes: tuple[AbstractLobe, ...] = ()
     if "specular" in table:
         lobes = tuple(map(read_lobe, table.tables("specular", "lobe")))
     body = read_body(table.table("body")) if "body" in table else None
-    given: dict[str, Any] = {k: table.per_channel(k) for k in coefficients if k in table}
+    given: dict[str, Any] = {k: table.per_channel(k) for k in COEFFICIENTS if k in table}
     with table.naming():
         return Material(**given, specular=lobes, body=body)
 
@@ -208,7 +213,7 @@ def _one_channel_count(top: Table, lights: list[Table], around: tuple[int, ...])
     tables = [(top, "ambient"), *((x, key) for x in lights for key in ("intensity", "radiance"))]
     if "material" in top:
         material = top.table("material")
-        tables += [(material, key) for key in ("ka", "kd", "od", "os")]
+        tables += [(material, key) for key in COEFFICIENTS]
         lobes = material.tables("specular", "lobe") if "specular" in material else []
         others = [material.table(key) for key in ("body", "transparency") if key in material]
         for part in (*lobes, *others):

@@ -145,6 +145,12 @@ class Table:
     def tables(self, key: str, called: str) -> list[Table]:
         """A list of tables, each `called` so and numbered from 1."""
         value = self.values[key]
+        if isinstance(value, dict) and self.path.suffix.lower() == ".toml":
+            header = ".".join([*re.findall("[a-z_]+", self.place), key])
+            self.fail(
+                f"{key} is one table, and there may be several: write [[{header}]] with two brackets,"
+                f" or {key} = [{{ ... }}]"
+            )
         if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
             self._wrong(key, "a list of tables, [{ ... }, { ... }]")
         return [

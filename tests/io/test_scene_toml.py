@@ -204,6 +204,16 @@ def test_a_map_of_normals_is_shaded_without_a_camera(tmp_path: Path) -> None:
         (SCENE[SCENE.index("ka = 0.2") :], "", "material: it has no term; give ka, kd or specular"),
         (SCENE[SCENE.index("ambient") : SCENE.index("[material]")], "", "there is no light"),
         (SCENE[SCENE.index("[[lights]]") : SCENE.index("[material]")], "lights = [3]\n", "lights is [3]"),
+        ("[[material.specular]]", "[material.specular]", "material: specular is one table, and there may"
+         " be several: write [[material.specular]] with two brackets, or specular = [{ ... }]"),
+        ("[[material.specular]]", "[[specular]]", "specular stands at the top, and is the material's:"
+         " write it below [[material.specular]]"),
+        ("[[material.specular]]", "[specular]", "specular stands at the top, and is the material's"),
+        ("[material]\n", "", "light 2: unknown key \"ka\""),
+        (SCENE[SCENE.index("[[lights]]") : SCENE.index("ka = 0.2")], "", "ka stands at the top, and"
+         " is the material's: write it below [material]"),
+        (SCENE[SCENE.index("[[lights]]") : SCENE.index("[material]")], "[lights]\nkind = 'point'\n",
+         "lights is one table, and there may be several: write [[lights]] with two brackets"),
         (SCENE, "geometry = 3", 'there is no light'),
         (SCENE, "geometry = 3\nambient = 1", "geometry is 3; give a table"),
         (SCENE, "", 'the key "geometry" is missing'),
