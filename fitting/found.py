@@ -274,6 +274,7 @@ class Fit:
             gains=minimum.at.gains,
             rounding=float(np.finfo(self._dtype).eps),
             image_pull=minimum.image_pull,
+            ranges=recovery.ranges(limit.lower, limit.upper),
         )
 
 

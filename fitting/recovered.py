@@ -65,6 +65,30 @@ class Recovery:
             if self._attenuated[i]
         }
 
+    def ranges(
+        self, lower: Float[np.ndarray, "C p"], upper: Float[np.ndarray, "C p"]
+    ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Within which values each coefficient lies that has more than its unknown's bounds.
+
+        `lower` and `upper` bound k. No scale of the law moves a bound of 0, or one that is infinite;
+        others of what it multiplies are none of the coefficient's. Constants and shares are not
+        negative, and shares at most 1.
+        """
+        gauge = self.model.gauge
+        if gauge is None:
+            return {}
+        found = {}
+        for i, name in enumerate(linear_names(self.model.material)):
+            if self._attenuated[i]:
+                low = np.where(lower[:, i] == 0, 0.0, -np.inf)
+                high = np.where(upper[:, i] == 0, 0.0, np.inf)
+                found[name] = found[f"reference.{name}"] = low, high
+        zero, one, endless = np.zeros(1), np.ones(1), np.full(1, np.inf)
+        found |= {f"attenuation.{field.name}": (zero, endless) for field in fields(gauge.kind)}
+        if gauge.has_shares:
+            found |= {f"reference.l{number}": (zero, one) for number in range(gauge.size)}
+        return found
+
     def material(
         self, k: Float[np.ndarray, "C p"], u: Float[np.ndarray, "q"], dtype: np.dtype
     ) -> Material:

@@ -115,7 +115,10 @@ def uncertain(value: Number, error: Number, note: str = "") -> tuple[str, str]:
 
 
 def between(interval: Interval) -> str:
-    """The ends of an interval, with two digits of a quarter of its width: of a standard error."""
+    """The ends of an interval, with two digits of a quarter of its width: of a standard error.
+
+    An end that is 0 or 1 outright is where the coefficient itself ends.
+    """
     low, high = interval
     if low is None or high is None:
         if low is None and high is None:
@@ -125,7 +128,8 @@ def between(interval: Interval) -> str:
     if width <= 1e-10 * abs(high) or width < 1e-12:
         return f"{low:.10g} to {high:.10g}"
     decimals = max(0, 1 - math.floor(math.log10(width)))
-    return f"{low:.{decimals}f} to {high:.{decimals}f}"
+    ends = (f"{end:g} (bound)" if end in (0, 1) else f"{end:.{decimals}f}" for end in interval)
+    return " to ".join(ends)
 
 
 def channel_names(count: int) -> list[str]:

@@ -115,6 +115,7 @@ def propagate(
     gains: Gains | None = None,
     rounding: float | None = None,
     image_pull: Float[np.ndarray, "K n"] | None = None,
+    ranges: Mapping[str, Interval] | None = None,
 ) -> Uncertainty:
     """From the information matrix at the minimum to the errors of `report(k, y)`.
 
@@ -123,7 +124,9 @@ def propagate(
     an observation, by default that of the residual, sqrt(cost / degrees of freedom), whose own error
     the intervals allow for by Student's t. `gains`, where they are unknown too, are eliminated.
     `rounding` is that of what was observed, by default that of k. `image_pull` is J'r of each image,
-    by which `_scatter` judges.
+    by which `_scatter` judges. `ranges` are the lowest and the highest value that a reported number can
+    have, by name, where there is one: what is made of several unknowns, as a share of a sum, has none of
+    their bounds, and its normal estimate is cut off there like that of an unknown at its own.
 
     `report` gives named arrays, of many k and y at once where these have leading axes. What
     shapes a lobe or a body has its interval on the logarithm, on which its estimate is nearer to normal.
@@ -173,6 +176,7 @@ def propagate(
         (lower - position, upper - position),
         pushed,
         reach,
+        _within(values, ranges or {}),
     )
     with np.errstate(over="ignore"):  # no number is too large for an end of a hopeless interval
         intervals = [
@@ -316,6 +320,17 @@ def _is_blind(rows: Float[np.ndarray, "m n"], found: Spectrum) -> Bool[np.ndarra
     return along > found.tolerance * np.maximum(size, 1e-300)
 
 
+def _within(values: ByName, ranges: Mapping[str, Interval]) -> Float[np.ndarray, "2 m"]:
+    """How far each number is from both ends of its own range; infinite where it has none."""
+    ends = [
+        np.broadcast_to(np.reshape(ranges[name], (2, -1)), (2, value.size)) - value.ravel()
+        if name in ranges
+        else np.broadcast_to(INFINITE, (2, value.size))
+        for name, value in values.items()
+    ]
+    return np.concatenate(ends, axis=1)
+
+
 def _offsets(
     rows: Float[np.ndarray, "m n"],
     error: Float[np.ndarray, "m"],
@@ -323,12 +338,14 @@ def _offsets(
     ends: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]],
     pushed: Mapping[int, tuple[float, float]],
     reach: Float[np.ndarray, "m"],
+    within: Float[np.ndarray, "2 m"],
 ) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]]:
     """Both ends of each number's interval, relative to its estimate: `reach` errors away from bounds.
 
     A number whose error comes almost all from one unknown has that unknown's bounds. `rows` are
     the derivatives of the numbers, `spread` the errors of the unknowns (NaN where known), `ends` their
-    bounds relative to where they are, `pushed` what `_at_bounds` says of those that rest on one.
+    bounds relative to where they are, `pushed` what `_at_bounds` says of those that rest on one,
+    `within` the numbers' own bounds, relative to the estimates.
     """
     blind = np.isinf(error)
     parts = np.abs(rows) * np.where(blind[:, None], ~np.isnan(spread), np.nan_to_num(spread))
@@ -336,6 +353,7 @@ def _offsets(
     alone = parts.max(axis=1) > ALONE * parts.sum(axis=1)
     slope = np.where(alone, rows[np.arange(len(rows)), owner], 1.0)
     lower, upper = np.where(alone, np.sort(np.stack(ends)[:, owner] * slope, axis=0), INFINITE)
+    lower, upper = np.maximum(lower, within[0]), np.minimum(upper, within[1])
     # Of one at its bound: how many of its errors the bound keeps it from where it would be.
     beyond = np.full(len(rows), np.nan)
     for index, (push, deviation) in pushed.items():

@@ -247,6 +247,8 @@ def test_a_value_and_its_error(value, error, note: str, reads: tuple[str, str]) 
         ((0.0996, 0.1004), "0.09960 to 0.10040"),
         ((41.2, 88.7), "41 to 89"),
         ((0.5, 0.5), "0.5 to 0.5"),
+        ((0.0, 0.000108), "0 (bound) to 0.000108"),
+        ((0.93, 1.0), "0.930 to 1 (bound)"),
         ((None, 88.7), "88.7 or less"),
         ((41.2, None), "41.2 or more"),
         ((None, None), "not known"),

@@ -102,6 +102,35 @@ def test_of_what_is_not_told_the_interval_is_what_the_bounds_leave() -> None:
     np.testing.assert_array_equal(unbounded, [[-np.inf], [np.inf]])
 
 
+@pytest.mark.float64
+@pytest.mark.parametrize(("share", "noise"), [(0.02, 0.2), (0.5, 0.02)])
+def test_what_is_made_of_several_unknowns_stays_in_its_own_range(
+    share: float, noise: float
+) -> None:
+    """l = c1 / (c0 + c1), of which each has half of the error: no unknown's bounds are its own."""
+    case = replace(ATTENUATED, c=(1 - share, share, 0.1), noise=0.1, hold=("kd", "c2"))
+
+    def report(k: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+        c0, c1 = u[..., 1], u[..., 2]
+        return {"k": k[..., 0], "l": c1 / (c0 + c1)}
+
+    minimum = case.minimum()
+    observed = minimum, case.u, case.known, 10**6, report
+    free = propagate(*observed, noise=noise)
+    bound = propagate(*observed, noise=noise, ranges={"l": (np.zeros(1), np.ones(1))})
+    error = free.standard_errors["l"]
+    assert bound.standard_errors["l"] == error
+    np.testing.assert_array_equal(bound.intervals["k"], free.intervals["k"])
+    low, high = bound.intervals["l"]
+    if share == 0.5:
+        assert 4 * error < 0.5  # far from both
+        np.testing.assert_array_equal(bound.intervals["l"], free.intervals["l"])
+    else:
+        assert free.intervals["l"][0] < 0 == low
+        expected = bounded_interval(np.array([share / error]))[1][0] * error
+        assert high == pytest.approx(expected, rel=1e-9)
+
+
 def linear_minimum(
     case: Plain, a: np.ndarray, noise: np.ndarray, lower: np.ndarray
 ) -> tuple[Minimum, np.ndarray]:
