@@ -2,7 +2,8 @@
 
 Exit status: 0 done; 1 ran but did not converge; 2 wrong usage; 3 bad input, with one line on standard
 error that names the file, what is wrong and what to do; 69 a process of several was lost; 70 an error
-of this program; 130 interrupted, with one line and every written file whole; 141 its reader gone.
+of this program, with one line and then its traceback; 130 interrupted, with one line and every written
+file whole; 141 its reader gone.
 """
 
 import os
@@ -36,13 +37,12 @@ def main() -> int:
     ):  # who read the output has gone; nor can Python's own last flush reach it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
-    except Exception:
+    except Exception as error:
         if interrupts:  # what was interrupted said so in its own way
             return _interrupted()
-        import traceback
+        from diffshade.commands.fault import tell_fault
 
-        traceback.print_exc()
-        return 70
+        return tell_fault(error)
 
 
 def _interrupts() -> list[int]:

@@ -2,10 +2,13 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib.metadata import version
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,6 +30,7 @@ from command_line import (
 )
 from shared import shared_data
 
+from diffshade import cli
 from diffshade.cli import run
 from diffshade.commands import settings
 from diffshade.commands.usage import COMMANDS
@@ -49,7 +53,12 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def results(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `fit --out` writes for it."""
     folder = tmp_path_factory.mktemp("results") / "new" / "folder"
-    assert run(["fit", str(capture), "--out", str(folder)]) == 0
+    told = StringIO()
+    with redirect_stdout(told):
+        assert run(["fit", str(capture), "--out", str(folder)]) == 0
+    assert told.getvalue().splitlines()[-1] == (
+        f"written into {folder}: report.html, report.txt, fit.json, comparison_1.png, comparison_2.png"
+    )
     return folder
 
 
@@ -264,6 +273,7 @@ def test_the_folder_of_results(results: Path) -> None:
     assert {file.name for file in results.iterdir()} == names
     report = (results / "report.txt").read_text()
     assert "shininess" in report
+    assert "written into" not in report
     assert "linear x" in report  # the exposure
     assert "the ends of the colour bar are +/- " in report
     page = (results / "report.html").read_text()
@@ -298,6 +308,55 @@ def test_evaluate_repeats_the_residual_of_the_fit(
         assert flat(document[key]) == pytest.approx(flat(fitted[key]), rel=1e-6, abs=rounding)
 
 
+def test_evaluate_finds_the_fit_in_its_folder(
+    capture: Path, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["evaluate", str(results), str(capture), "--json"]) == 0
+    assert strict_json(capsys.readouterr().out)["schema"] == "diffshade.evaluate/1"
+    assert run(["evaluate", str(results.parent), str(capture)]) == 3
+    told = capsys.readouterr().err
+    assert f"{results.parent}: this folder has no fit.json" in told
+    assert f"give one of those below it, as {results}" in told
+
+
+@pytest.mark.parametrize("file", ["", "capture.toml"])
+@pytest.mark.parametrize("fit", ["", "fit.json"])
+def test_evaluate_of_what_is_swapped(
+    file: str, fit: str, capture: Path, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, last = capture / file, results / fit
+    assert run(["evaluate", str(first), str(last)]) == 3
+    assert capsys.readouterr().err == (
+        f"diffshade: {first} and {last}: seem to be swapped; the fit goes first, and then the capture\n"
+    )
+
+
+def test_the_page_of_a_folder(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fit.json").write_bytes((results / "fit.json").read_bytes())
+    assert run(["view", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'fit.html'}\n"
+    assert (tmp_path / "fit.html").stat().st_size > 10_000
+    (tmp_path / "fit.json").unlink()
+    assert run(["view", str(tmp_path)]) == 3
+    assert f"{tmp_path}: this folder has no fit.json" in capsys.readouterr().err
+
+
+def test_what_ends_before_a_file_is_whole_leaves_no_folder(
+    capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    (tmp_path / "mine").mkdir()
+    for folder in (tmp_path / "new" / "folder", tmp_path / "mine"):
+        with pytest.raises(KeyboardInterrupt):
+            run(["fit", str(capture), "--out", str(folder)])
+        assert list(tmp_path.rglob("*")) == [tmp_path / "mine"]
+
+
 def test_hold_and_model(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["fit", str(capture), "--json", "--model", "lambert", "--hold", "ka=0.1,0.05,0.02"]
     assert run(arguments) == 0
@@ -317,7 +376,12 @@ def test_auto_takes_what_the_images_speak_for(
     some = {name: named_models.MODELS[name] for name in ("lambert", "phong")}
     monkeypatch.setattr(named_models, "MODELS", some)
     assert run(["fit", str(capture), "--model", "auto", "--json"]) == 0
-    document = strict_json(capsys.readouterr().out)
+    output = capsys.readouterr()
+    assert output.err.splitlines() == [
+        "diffshade: fitting lambert, model 1 of 2",
+        "diffshade: fitting phong, model 2 of 2",
+    ]
+    document = strict_json(output.out)
     assert document["model"] == "phong"
     first, second = document["compared"]
     assert (first["model"], second["model"]) == ("phong", "lambert")
@@ -426,6 +490,37 @@ def test_the_ball_of_diligent(tmp_path: Path, cache: str) -> None:
     again = strict_json(done.stdout)
     for key in ("relative_residual", "per_image"):
         assert flat(again[key]) == pytest.approx(flat(document[key]), rel=1e-4)
+
+
+# A fault of ours
+
+
+def test_a_fault_of_ours_is_said_to_be_ours(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(_: object) -> int:
+        error = IndexError("out of\nrange")
+        error.add_note("---\nFor simplicity, ... Set JAX_TRACEBACK_FILTERING=off to include these.")
+        raise error
+
+    monkeypatch.setattr(cli, "run", run)
+    monkeypatch.setattr(cli, "cache_programs", lambda: None)
+    monkeypatch.setattr("warnings.showwarning", None)  # and so it is put back
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        assert cli.main() == 70
+    finally:
+        signal.signal(signal.SIGINT, before)
+    output = capsys.readouterr()
+    assert output.out == ""
+    first, second, *_, last = output.err.splitlines()
+    assert first.startswith(
+        "diffshade: a fault of diffshade itself, not of what you gave it (IndexError: out of range);"
+        " please report it, with the command"
+    )
+    assert f"Python {sys.version.split()[0]}" in first
+    assert second == "Traceback (most recent call last):"
+    assert last == "range"
 
 
 # Settings of the process

@@ -27,6 +27,6 @@ def demo(*, out: Path | None, as_json: bool) -> int:
     title = "A glossy ball under near lights, rendered by POV-Ray: true and recovered coefficients"
     report = f"{title}\n\n{fit_report(document, truth=truth)}"
     if out is not None:
-        fitted.write(out, document, report, title)
+        report += f"\n\n{fitted.write(out, document, report, title)}"
     show(document, report, as_json=as_json)
     return fitted.status

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diffshade.commands.console import show
+from diffshade.commands.fit_file import fit_file, refuse_swapped
 from diffshade.errors import BadInput, naming
 from diffshade.io.json_document import read_json
 from diffshade.progress import bar
@@ -40,7 +41,7 @@ def evaluate_capture(
 ) -> dict[str, Any]:
     """Read a fit and a capture; how the one predicts the other, as a document.
 
-    `reading`: the options of `read_capture`.
+    The fit may be the folder that it lies in. `reading`: the options of `read_capture`.
 
     Where the capture asks for attenuation constants to be fitted, the fit's are used.
     """
@@ -49,6 +50,8 @@ def evaluate_capture(
     from fitting.gauge import with_attenuation
     from fitting.report import evaluation_to_json, material_from_json
 
+    refuse_swapped(fit_json, path)
+    fit_json = fit_file(fit_json)
     material, attenuation = material_from_json(read_json(fit_json, "a fit.json"))
     with bar(f"reading {path}") as progress:
         capture = read_capture(path, **reading, progress=progress)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diffshade.commands.console import WrongUsage, show
+from diffshade.commands.fit_file import fit_file
 from diffshade.errors import naming
 from diffshade.io.json_document import read_json
 from diffshade.progress import bar
@@ -27,6 +28,7 @@ def export(fit_json: Path, *, to: str, out: Path, irradiance: float | None, as_j
     from diffshade.export.document import write
     from fitting.report import material_from_json
 
+    fit_json = fit_file(fit_json)
     material, attenuation = material_from_json(read_json(fit_json, "a fit.json"))
     with naming(fit_json), bar("measuring over angles"):
         found = _made(material, to, out.stem, math.pi if irradiance is None else irradiance)

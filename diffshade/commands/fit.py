@@ -8,10 +8,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import WrongUsage, show
+from diffshade.commands.console import WrongUsage, note, show
 from diffshade.commands.folder import check_folder, write_folder
 from diffshade.errors import BadInput, naming
-from diffshade.progress import bar
+from diffshade.progress import Progress, bar
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -32,11 +32,13 @@ class Fitted:
     fit: Fit
     document: dict[str, Any]
 
-    def write(self, folder: Path, document: Mapping[str, Any], report: str, title: str) -> None:
-        """Write a folder of results; `title` is that of the page."""
+    def write(self, folder: Path, document: Mapping[str, Any], report: str, title: str) -> str:
+        """Write a folder of results; `title` is that of the page. Returns which files there are."""
         scenes = tuple(self.fit.scene)
+        own = self.capture, self.fit.material, scenes
         with bar(f"writing {folder}"):
-            write_folder(folder, document, report, title, self.capture, self.fit.material, scenes)
+            names = write_folder(folder, document, report, title, *own)
+        return f"written into {folder}: {', '.join(names)}"
 
     @property
     def status(self) -> int:
@@ -55,7 +57,7 @@ def fit(path: Path, *, out: Path | None, as_json: bool, **options: Any) -> int:
 
 
 def fit_into(out: Path | None, path: Path, **options: Any) -> tuple[Fitted, str]:
-    """Fit a capture and write it where `out` says; the fit and its report."""
+    """Fit a capture and write it where `out` says; the fit and its report, and what was written."""
     from fitting.report_text import fit_report
 
     if out is not None:
@@ -63,7 +65,8 @@ def fit_into(out: Path | None, path: Path, **options: Any) -> tuple[Fitted, str]
     fitted = fit_capture(path, **options)
     report = fit_report(fitted.document)
     if out is not None:
-        fitted.write(out, fitted.document, report, f"A fit of {path.resolve().name}")
+        title = f"A fit of {path.resolve().name}"
+        report += f"\n\n{fitted.write(out, fitted.document, report, title)}"
     return fitted, report
 
 
@@ -122,10 +125,10 @@ def fit_capture(
     compared: tuple[fitting.Comparison, ...] = ()
     with naming(path):
         if model == "auto":
-            laws = (capture.fit_attenuation,)
+            laws, names = (capture.fit_attenuation,), tuple(MODELS)
             with bar("comparing models") as progress:
                 compared = fitting.compare(
-                    *observed, laws, materials=tuple(MODELS), progress=progress, **options
+                    *observed, laws, materials=names, progress=_naming(names, progress), **options
                 )
             found, model = compared[0].fit, compared[0].name
         if certify or not compared:
@@ -149,6 +152,19 @@ def fit_capture(
             for row in compared
         ]
     return Fitted(capture, found, document)
+
+
+def _naming(models: Sequence[str], progress: Progress | None) -> Progress:
+    """Notes each model as its fit begins, whoever watches: all of them take a minute or two."""
+
+    def tell(finished: int, count: int) -> None:
+        if progress is not None and finished:
+            progress(finished, count)
+        if finished < count:
+            note(f"fitting {models[finished]}, model {finished + 1} of {count}")
+
+    tell(0, len(models))
+    return tell
 
 
 def _held(material: Material, hold: Sequence[Hold], channel_count: int) -> Material:

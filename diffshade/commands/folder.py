@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,30 +45,47 @@ def write_folder(
     capture: Capture,
     material: Material,
     scenes: tuple[Scene, ...],
-) -> None:
+) -> tuple[str, ...]:
     """Write the pictures, `report.txt`, `report.html` and, last, `fit.json`; each file whole or not
-    at all. `title` is that of the page.
+    at all. `title` is that of the page. Returns the names of the files, the report first.
 
-    The `fit.json` of an earlier fit is removed first, and then its pictures.
+    The `fit.json` of an earlier fit is removed first, and then its pictures. A folder that is made here
+    is gone again where nothing was written into it.
     """
     from fitting.report_html import fit_page
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if (folder / "fit.json").exists():
-            (folder / "fit.json").unlink()
-            for old in earlier_pictures(folder):
-                old.unlink()
-    except OSError as error:
-        raise BadInput(
-            f"{folder}: cannot be written ({error.strerror}); name another folder"
-        ) from None
     compared = compare(capture, material, scenes)
-    legend = write_pictures(folder, compared)
-    _write_text(folder / "report.txt", f"{report}\n\n{legend}\n")
     page = fit_page(document, page_pictures(compared), title=title)
-    _write_text(folder / "report.html", page)
-    _write_text(folder / "fit.json", to_text(document) + "\n")
+    with _made(folder):
+        pictures, legend = write_pictures(folder, compared)
+        _write_text(folder / "report.txt", f"{report}\n\n{legend}\n")
+        _write_text(folder / "report.html", page)
+        _write_text(folder / "fit.json", to_text(document) + "\n")
+    return ("report.html", "report.txt", "fit.json", *pictures)
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """A folder to write into, without an earlier fit; made with those above it, and where the block
+    raises those of them that are still empty are removed."""
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if (folder / "fit.json").exists():
+                (folder / "fit.json").unlink()
+                for old in earlier_pictures(folder):
+                    old.unlink()
+        except OSError as error:
+            raise BadInput(
+                f"{folder}: cannot be written ({error.strerror}); name another folder"
+            ) from None
+        yield
+    except BaseException:
+        for path in new:
+            with suppress(OSError):  # it is not empty, or was not made
+                path.rmdir()
+        raise
 
 
 def _write_text(path: Path, text: str) -> None:

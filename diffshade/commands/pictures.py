@@ -72,8 +72,8 @@ def earlier_pictures(folder: Path) -> list[Path]:
     return [p for p in folder.iterdir() if re.fullmatch(r"comparison(_\d+)?\.png", p.name)]
 
 
-def write_pictures(folder: Path, compared: Compared) -> str:
-    """Write the comparisons as PNG files; returns what is to be known to read them."""
+def write_pictures(folder: Path, compared: Compared) -> tuple[tuple[str, ...], str]:
+    """Write the comparisons as PNG files; returns their names, and what is to be known to read them."""
     from diffshade.io.image import write_png
 
     count = len(compared.observed)
@@ -83,21 +83,23 @@ def write_pictures(folder: Path, compared: Compared) -> str:
         plot.comparison(*_reduced(compared, k, factor), exposure=exposure, scale=scale)
         for k in range(count)
     ]
+    names: tuple[str, ...] = ("comparison.png",)
     if count > FEW:
-        write_png(folder / "comparison.png", plot.contact_sheet(comparisons))
+        write_png(folder / names[0], plot.contact_sheet(comparisons))
         files = "comparison.png, in reading order"
     else:
-        for k, picture in enumerate(comparisons, 1):
-            larger = plot.enlarged(picture, max(1, LEGIBLE // len(picture)))
-            write_png(folder / f"comparison_{k}.png", larger)
+        names = tuple(f"comparison_{k}.png" for k in range(1, count + 1))
+        for name, picture in zip(names, comparisons, strict=True):
+            write_png(folder / name, plot.enlarged(picture, max(1, LEGIBLE // len(picture))))
         files = "comparison_1.png and so on, in the order of the images"
-    return (
+    legend = (
         f"pictures: observed | predicted | residual, {files}\n"
         f"  observed and predicted: linear x {exposure:g}, then sRGB\n"
         f"  residual: observed - predicted of the channel where it is largest, red above 0, blue"
         f" below;\n    the ends of the colour bar are +/- {scale:g}\n"
         "  grey stripes: left out of the fit (clipped, not finite); dark grey: not the object"
     )
+    return names, legend
 
 
 def page_pictures(compared: Compared, no_weight: Sequence[np.ndarray] | None = None) -> Pictures:

@@ -107,7 +107,8 @@ def _view(parser: ArgumentParser) -> None:
         "path",
         metavar="FIT_OR_SCENE",
         type=Path,
-        help="A scene.toml, or a fit.json, whose material is shown on a ball.",
+        help="A scene.toml, or a fit.json or the folder that `fit --out` wrote, whose material is shown"
+        " on a ball.",
     )
     parser.add_argument(
         "--out",
@@ -259,7 +260,7 @@ def _fit_json(parser: ArgumentParser) -> None:
         "fit_json",
         metavar="FIT.json",
         type=Path,
-        help="A fit.json as `fit --out` writes it, or the output of `fit --json`.",
+        help="A fit.json as `fit --out` writes it, its folder, or the output of `fit --json`.",
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diffshade.commands.console import note
+from diffshade.commands.fit_file import fit_file
 from diffshade.errors import naming
 from diffshade.io.json_document import read_json
 from diffshade.progress import bar
@@ -26,9 +27,13 @@ MARGIN = 1.1
 
 
 def view(path: Path, *, out: Path | None, allow_outside: bool) -> int:
-    """Write the page, beside the file where `out` does not say; returns the exit status."""
+    """Write the page, beside the file where `out` does not say; returns the exit status.
+
+    Of a folder it is that of the fit in it.
+    """
     from diffshade.web.page import write_page
 
+    path = fit_file(path)
     shown = _of_fit(path) if path.suffix.lower() == ".json" else _of_scene(path, allow_outside)
     target = path.with_suffix(".html") if out is None else out
     with naming(path), bar(f"writing {target}"):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import traceback
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -17,6 +16,7 @@ from threading import Thread
 from typing import IO, Any
 
 from diffshade.commands.console import WrongUsage, note
+from diffshade.commands.fault import tell_fault
 from diffshade.commands.processes import LOST
 from diffshade.commands.settings import Bits, cache_programs, floats_of
 from diffshade.errors import BadInput
@@ -69,9 +69,8 @@ def _status(order: dict[str, Any], answers: IO[str]) -> int:
     except jax.errors.JaxRuntimeError as error:
         print(str(error).splitlines()[0][:200], end="", file=sys.stderr)
         return LOST
-    except Exception:
-        traceback.print_exc()
-        return 70
+    except Exception as error:
+        return tell_fault(error)
 
 
 def _fit(
