@@ -20,6 +20,12 @@ Keys that a document may have besides; readers do without them, and null is as g
 - `weighted_residual`: the relative residual with the weights of a robust fit.
 - `suspect_images`: images that disagree with the others, a list of {`file`, `reason`}.
 - `gains`: a number an image, or one a channel.
+- `response`: where a gamma was found first, {`gamma`, `standard_error`, `interval`: [low, high] of
+  95 %, `relative_residual` of the encoded values, `converged`}.
+- `lights`: where they were refined first, {`before`, `relative_residual`: with the lights as they were
+  given and as they are used, `converged`, `per_image`: a list of {`file`, `degrees` that the light was
+  turned by, `standard_error`, `gain` on its intensity, `gain_error`, `direction`, `moved`: null, or why
+  the lamp must have been moved}}.
 """
 
 from __future__ import annotations

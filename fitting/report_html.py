@@ -15,6 +15,7 @@ from fitting.report_html_coefficients import (
     minimum_section,
 )
 from fitting.report_html_images import Pictures, pictures_section, reasons, residuals_section
+from fitting.report_html_lights import lights_section
 from fitting.report_markup import document_text, element, listing, number, optional
 from fitting.report_rows import comparison
 
@@ -49,6 +50,7 @@ def fit_page(document: Document, pictures: Pictures | None = None, *, title: str
             "Residual of each image",
             residuals_section(document, linked=pictures is not None),
         ),
+        ("lights", "Lights", lights_section(document.get("lights"))),
         ("pictures", "Pictures", [] if pictures is None else pictures_section(document, pictures)),
         ("measured", "How it was measured", _measured(document)),
         ("notes", "Notes", listing(document["notes"])),
@@ -158,6 +160,10 @@ def _warnings(document: Document) -> Iterator[str | Element]:
     suspects = [row["file"] for row in document.get("suspect_images") or []]
     if suspects:
         yield f"Images that disagree with the others: {', '.join(suspects)}."
+    lights = (document.get("lights") or {}).get("per_image", ())
+    moved = [row["file"] for row in lights if row["moved"] is not None]
+    if moved:
+        yield f"Images whose lamp has moved: {', '.join(moved)}."
 
 
 # How it was measured

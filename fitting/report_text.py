@@ -75,6 +75,7 @@ def fit_report(document: Document, *, truth: Document | None = None) -> str:
         _wrapped(f"{item['file']} disagrees with the others: {item['reason']}")
         for item in document.get("suspect_images") or []
     ]
+    sections.append(_lights(document.get("lights")))
     sections.append(_notes(document))
     if not document["converged"]:
         sections.append("THE SEARCH DID NOT CONVERGE: these numbers are not a minimum.")
@@ -205,6 +206,33 @@ def _each_image(rows: Sequence[Document]) -> str:
         for row in rows
     ]
     return table(lines, "<>>>")
+
+
+def _lights(lights: Document | None) -> str:
+    """How the lights were refined: a line each, or of many the most turned; and which lamps moved."""
+    if lights is None:
+        return ""
+    rows, which = lights["per_image"], ""
+    if len(rows) > FEW:
+        rows = sorted(rows, key=lambda row: -row["degrees"])[:5]
+        which = f"; the most turned of {len(lights['per_image'])}"
+    lines = [["light of", "turned by", "degrees", "gain", ""]]
+    lines += [
+        [
+            row["file"],
+            *uncertain(row["degrees"], row["standard_error"]),
+            *uncertain(row["gain"], row["gain_error"]),
+        ]
+        for row in rows
+    ]
+    told = [
+        f"{row['file']}: {row['moved']}" for row in lights["per_image"] if row["moved"] is not None
+    ]
+    head = (
+        f"lights refined: residual {_share(lights['before'])} to {_share(lights['relative_residual'])};"
+        f" errors (+/-) are those of noise, more where the model is not the whole truth{which}"
+    )
+    return "\n".join([_wrapped(head), table(lines, "<><><"), *map(_wrapped, told)])
 
 
 def _share(value: Number) -> str:

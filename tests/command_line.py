@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,15 @@ def shape(value: object) -> object:
     if isinstance(value, list):
         return [shape(entry) for entry in value]
     return value if isinstance(value, str) else None
+
+
+def flat(value: Any) -> list[float]:
+    """The numbers of a JSON value, one after the other; of names nothing."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        return [number for item in value for number in flat(item)]
+    return [] if isinstance(value, str) else [value]
 
 
 def make_capture(folder: Path) -> Path:

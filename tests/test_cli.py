@@ -22,6 +22,7 @@ from command_line import (
     KS,
     SHININESS,
     SIZE,
+    flat,
     make_capture,
     program,
     scene,
@@ -81,7 +82,8 @@ def test_the_program_answers_help(cache: str) -> None:
             "fit",
             "CAPTURE|--out DIR|--json|--precision {32,64}|--model {phong,blinn-phong,lambert,phong2,ggx,"
             "|--white LEVEL|--circle CX,CY,R|--encoding|--hold NAME=VALUE"
-            "|--robust|--censor|--refine-circle|--gains|--certify|--shard I/N|--processes N|--process I/N"
+            "|--robust|--censor|--fit-gamma|--refine-circle|--refine-lights|--gains"
+            "|--certify|--shard I/N|--processes N|--process I/N"
             "|--coordinator HOST:PORT|--patience SECONDS|(default: phong)|(default: 60)",
         ),
         (
@@ -284,15 +286,6 @@ def test_the_folder_of_results(results: Path) -> None:
     width = 3 * (SIZE + GAP) + BAR
     assert picture.shape == (8 * SIZE, 8 * width, 3)
     assert len(np.unique(picture[:, : 8 * SIZE].reshape(-1, 3), axis=0)) > 200
-
-
-def flat(value: Any) -> list[float]:
-    """The numbers of a JSON value, one after the other; of names nothing."""
-    if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
-        return [number for item in value for number in flat(item)]
-    return [] if isinstance(value, str) else [value]
 
 
 def test_evaluate_repeats_the_residual_of_the_fit(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from diffshade.commands.console import WrongUsage, note, show
 from diffshade.commands.folder import check_folder, write_folder
+from diffshade.commands.refinements import Refinements
 from diffshade.errors import BadInput, naming
 from diffshade.progress import Progress, bar
 
@@ -31,13 +32,15 @@ class Fitted:
     capture: Capture
     fit: Fit
     document: dict[str, Any]
+    refined: bool = False
+    """Whether the capture is not as it was read; then it is written beside the fit."""
 
     def write(self, folder: Path, document: Mapping[str, Any], report: str, title: str) -> str:
         """Write a folder of results; `title` is that of the page. Returns which files there are."""
         scenes = tuple(self.fit.scene)
         own = self.capture, self.fit.material, scenes
         with bar(f"writing {folder}"):
-            names = write_folder(folder, document, report, title, *own)
+            names = write_folder(folder, document, report, title, *own, with_capture=self.refined)
         return f"written into {folder}: {', '.join(names)}"
 
     @property
@@ -79,7 +82,9 @@ def fit_capture(
     censor: bool = False,
     gains: bool = False,
     certify: bool = False,
+    fit_gamma: bool = False,
     refine_circle: bool = False,
+    refine_lights: bool = False,
     white: float | None = None,
     circle: tuple[float, float, float] | None = None,
     encoding: str | float | None = None,
@@ -89,30 +94,22 @@ def fit_capture(
     """Read a capture and fit it, on one device of JAX or on several."""
     started = perf_counter()
     import fitting
-    from diffshade.io.read_capture import read_capture
     from fitting.named_models import MODELS, named_bounds, named_material
     from fitting.report import fit_to_json
 
-    with bar(f"reading {path}") as progress:
-        capture = read_capture(
-            path,
-            white=white,
-            circle=circle,
-            encoding=encoding,
-            allow_outside=allow_outside,
-            progress=progress,
-        )
+    asked = Refinements(gamma=fit_gamma, circle=refine_circle, lights=refine_lights)
+    asked.check(model, encoding)
     if model == "auto" and hold:
         raise WrongUsage("--hold: names coefficients of one model; give --model too, not auto")
-    if model == "auto" and refine_circle:
-        raise WrongUsage("--refine-circle: is by one model's shading; give --model too, not auto")
+    capture, said = asked.of(
+        path,
+        model,
+        white=white,
+        circle=circle,
+        encoding=encoding,
+        allow_outside=allow_outside,
+    )
     ambient = any(scene.ambient is not None for scene in capture.scenes)
-    if refine_circle:
-        from fitting.calibrate.refined_capture import with_refined_circle
-
-        start = named_material(model, ambient=ambient)
-        with naming(path), bar("refining the circle by the shading"):
-            capture = with_refined_circle(capture, start, named_bounds(model))
     loaded = perf_counter()
     observed = capture.images, capture.gbuffer, capture.scenes
     options: dict[str, Any] = {
@@ -145,13 +142,13 @@ def fit_capture(
                     **options,
                 )
     seconds = {"load": loaded - started, "fit": perf_counter() - loaded}
-    document = fit_to_json(found, capture, model=model, seconds=seconds)
+    document = fit_to_json(found, capture, model=model, seconds=seconds) | said
     if compared:
         document["compared"] = [
             {"model": row.name, "bic": row.bic, "relative_residual": row.fit.relative_residual}
             for row in compared
         ]
-    return Fitted(capture, found, document)
+    return Fitted(capture, found, document, refined=asked.any)
 
 
 def _naming(models: Sequence[str], progress: Progress | None) -> Progress:

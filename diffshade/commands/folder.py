@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diffshade.commands.console import to_text
+from diffshade.commands.console import note, to_text
 from diffshade.commands.pictures import (
     compare,
     earlier_pictures,
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from diffshade.scene import Scene
 
 __all__ = ["check_folder", "write_folder"]
+
+CAPTURE = "capture"
+"""The folder of a capture that was refined before it was fitted."""
 
 
 def check_folder(folder: Path) -> None:
@@ -45,29 +49,48 @@ def write_folder(
     capture: Capture,
     material: Material,
     scenes: tuple[Scene, ...],
+    *,
+    with_capture: bool = False,
 ) -> tuple[str, ...]:
     """Write the pictures, `report.txt`, `report.html` and, last, `fit.json`; each file whole or not
-    at all. `title` is that of the page. Returns the names of the files, the report first.
+    at all. `title` is that of the page. `with_capture`: the capture too, under these scenes, into a
+    folder of its own below. Returns the names of the files, the report first.
 
-    The `fit.json` of an earlier fit is removed first, and then its pictures. A folder that is made here
-    is gone again where nothing was written into it.
+    The `fit.json` of an earlier fit is removed first, and then its pictures and its capture. A folder
+    that is made here is gone again where nothing was written into it.
     """
     from fitting.report_html import fit_page
 
     compared = compare(capture, material, scenes)
     page = fit_page(document, page_pictures(compared), title=title)
-    with _made(folder):
+    own = any(_same(source.path.parent, folder / CAPTURE) for source in capture.sources)
+    with _made(folder, keep_capture=own):
+        refined = _capture(folder, replace(capture, scenes=scenes)) if with_capture else ()
         pictures, legend = write_pictures(folder, compared)
         _write_text(folder / "report.txt", f"{report}\n\n{legend}\n")
         _write_text(folder / "report.html", page)
         _write_text(folder / "fit.json", to_text(document) + "\n")
-    return ("report.html", "report.txt", "fit.json", *pictures)
+    return ("report.html", "report.txt", "fit.json", *refined, *pictures)
+
+
+def _capture(folder: Path, capture: Capture) -> tuple[str, ...]:
+    """Write the capture; the name of its folder, or none where that cannot be, which is noted."""
+    from diffshade.io.write_capture import write_capture
+
+    try:
+        write_capture(folder / CAPTURE, capture)
+    except BadInput as error:
+        note(f"{error}; the fit is written without its capture")
+        return ()
+    return (CAPTURE,)
 
 
 @contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """A folder to write into, without an earlier fit; made with those above it, and where the block
-    raises those of them that are still empty are removed."""
+def _made(folder: Path, *, keep_capture: bool) -> Iterator[None]:
+    """A folder to write into, without an earlier fit and, unless that was just read, its capture.
+
+    Made with those above it, and where the block raises those of them that are still empty are removed.
+    """
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         try:
@@ -76,6 +99,8 @@ def _made(folder: Path) -> Iterator[None]:
                 (folder / "fit.json").unlink()
                 for old in earlier_pictures(folder):
                     old.unlink()
+                if not keep_capture:
+                    (folder / CAPTURE / "capture.toml").unlink(missing_ok=True)
         except OSError as error:
             raise BadInput(
                 f"{folder}: cannot be written ({error.strerror}); name another folder"
@@ -86,6 +111,10 @@ def _made(folder: Path) -> Iterator[None]:
             with suppress(OSError):  # it is not empty, or was not made
                 path.rmdir()
         raise
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one.resolve() == other.resolve()
 
 
 def _write_text(path: Path, text: str) -> None:

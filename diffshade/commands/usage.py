@@ -21,8 +21,11 @@ MODELS = ("phong", "blinn-phong", "lambert", "phong2", "ggx", "plastic", "plasti
 FLAGS = {
     "--robust": "Take the weight from outliers, such as shadows (Tukey's biweight).",
     "--censor": 'Use clipped pixels as what they say, "at least", in place of leaving them out.',
+    "--fit-gamma": "Find the gamma of photographs whose --encoding is unknown, by the shading itself.",
     "--refine-circle": "Refine the outline of a ball, where the geometry is made of one, by the shading"
-    " itself.",
+    " itself. Of what is refined --out holds the capture too.",
+    "--refine-lights": "Refine the direction and the strength of each image's one distant light by the"
+    " shading itself, and name the lamp that was moved.",
     "--gains": "Find the strength of each image's lights too.",
     "--certify": "Prove that the minimum is global where one shininess is all that is searched, and"
     " draw the residual over the shininess in report.html.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,11 +20,24 @@ if TYPE_CHECKING:
     from diffshade.light.attenuation import AbstractAttenuation
     from diffshade.scene import Scene
 
-__all__ = ["Capture", "assemble"]
+__all__ = ["Capture", "Colour", "Source", "assemble"]
 
 Pixels = Float[np.ndarray, "H W C"]
 Mask = Bool[np.ndarray, "H W"]
 Colour = Float[np.ndarray, "C"]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The file of an image, and how its values became those of the capture."""
+
+    path: Path
+    encoding: str | float
+    """What `decode` was told: "linear", "srgb" or a gamma."""
+    white: float | None
+    """The encoded level at which the sensor clips; None where that is unknown."""
+    exposure: Colour | None
+    """What the linear values were divided by, one number or one a channel; None: by nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +63,8 @@ class Capture:
     """The outline of the ball that the geometry was made of, where it was."""
     notes: tuple[str, ...] = ()
     """What was assumed or found on reading, one line each, for the user to see."""
+    sources: tuple[Source, ...] = ()
+    """Where each image comes from; empty where that is no file."""
 
 
 def assemble(
@@ -57,7 +73,7 @@ def assemble(
     scenes: Sequence[Scene],
     *,
     divisors: Sequence[Colour] | None = None,
-    exposures: Sequence[float] | None = None,
+    exposures: Sequence[Colour] | None = None,
     fit_attenuation: type[AbstractAttenuation] | None = None,
     circle: Circle | None = None,
     notes: Sequence[str] = (),
@@ -65,18 +81,19 @@ def assemble(
     """A capture from its parts; image k is divided by `divisors[k]`, or by what is stated of its
     exposure, after clipping was decided.
     """
-    if exposures is not None:
-        divisors = [np.array([exposure]) for exposure in exposures]
+    divisors = divisors if exposures is None else exposures
     mask = np.asarray(gbuffer.mask)
-    images, valid, clipped = [], [], []
+    images, valid, clipped, sources = [], [], [], []
     for k, photograph in enumerate(photographs):
+        divisor = None if divisors is None else divisors[k]
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite then is not used
             linear = photograph.linear()
-            if divisors is not None:
-                linear = linear / divisors[k].astype(linear.dtype)
+            if divisor is not None:
+                linear = linear / divisor.astype(linear.dtype)
         images.append(linear)
         clipped.append(mask & photograph.clipped)
         valid.append(mask & photograph.usable & np.isfinite(linear).all(axis=-1) & ~clipped[-1])
+        sources.append(Source(photograph.path, photograph.encoding, photograph.white, divisor))
     names = tuple(p.name for p in photographs)
     empty = [name for name, pixels in zip(names, valid, strict=True) if not pixels.any()]
     if len(empty) == len(names):
@@ -95,4 +112,5 @@ def assemble(
         fit_attenuation=fit_attenuation,
         circle=circle,
         notes=(*notes, *photography.notes(photographs, mask, exposures), *spent),
+        sources=tuple(sources),
     )

@@ -1,12 +1,12 @@
 """`capture.toml`: photographs, and the geometry, camera and lights they were taken with.
 
 Nothing is divided by intensities: they and I_a are part of the model. An image without its own word on
-encoding needs `encoding` here. `attenuation = { kind = "quadratic" }` without numbers, or "linear"
-or "exponential", asks for one set of constants to be fitted for all point lights, so all of them say so,
-or none.
+encoding needs `encoding` here; `white` is the level at which the sensor clips, as `--white` has it.
+`attenuation = { kind = "quadratic" }` without numbers, or "linear" or "exponential", asks for one set of
+constants to be fitted for all point lights, so all of them say so, or none.
 
 `exposure` of an image, in seconds or relative to the others, is what the image is divided by, so that its
-unit is that of an exposure of 1; if one image has it, all have.
+unit is that of an exposure of 1; if one image has it, all have. It may be one number a channel.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from diffshade.errors import BadInput
-from diffshade.io.capture import Capture, assemble
+from diffshade.io.capture import Capture, Colour, assemble
 from diffshade.io.encoding import decode
 from diffshade.io.environment_table import environment_channels
 from diffshade.io.folder_geometry import read_mask_of
@@ -56,8 +58,11 @@ def read_capture_toml(
     if "material" in top:
         top.fail("this is a scene, whose material is known; give it to diffshade render or view")
     top.choice("schema", (SCHEMA,))
-    top.expect(("schema", "geometry", "image"), ("encoding", "mask", "ambient", "camera"))
+    optional = ("encoding", "white", "mask", "ambient", "camera")
+    top.expect(("schema", "geometry", "image"), optional)
     stated = _encoding(top)
+    if white is None and "white" in top:
+        white = top.number("white", above=0.0)
     ambient = top.per_channel("ambient") if "ambient" in top else None
     entries = top.tables("image", "image")
     if not entries:
@@ -90,6 +95,8 @@ def read_capture_toml(
     )
     height, width, channels = photographs[0].encoded.shape
     channel_count(top, "ambient", channels)
+    for entry in entries:
+        channel_count(entry, "exposure", channels)
     for of_image in lights:
         for light in of_image:
             channel_count(light, "intensity", channels)
@@ -143,17 +150,17 @@ def _lights(entry: Table, *, lit: bool) -> list[Table]:
     return lights
 
 
-def _exposures(entries: list[Table]) -> list[float] | None:
+def _exposures(entries: list[Table]) -> list[Colour] | None:
     if not any("exposure" in entry for entry in entries):
         return None
     found = []
     for entry in entries:
         if "exposure" not in entry:
             entry.fail("has no exposure where others have; give each image its own, or none any")
-        exposure = entry.number("exposure", above=0.0)
-        if not 1e-9 < exposure < 1e9:
+        exposure = np.atleast_1d(entry.per_channel("exposure", above=0.0))
+        if not ((exposure > 1e-9) & (exposure < 1e9)).all():
             entry.fail(
-                f"exposure is {exposure:.3g}; give seconds, or a number relative to the others"
+                f"exposure is {exposure.min():.3g}; give seconds, or a number relative to the others"
             )
         found.append(exposure)
     return found

@@ -26,6 +26,7 @@ class Photograph:
     """One image file and what its values mean."""
 
     name: str
+    path: Path
     encoded: Pixels
     """Values as encoded, full scale 1 where the file has one."""
     usable: Mask
@@ -82,6 +83,7 @@ def read_photographs(
         photographs.append(
             Photograph(
                 name=name,
+                path=path,
                 encoded=image.values,
                 usable=usable if image.alpha is None else usable & (image.alpha == 1),
                 encoding=_meaning(path, image.encoding, linear_by_convention)
@@ -103,7 +105,9 @@ def size(image: np.ndarray) -> str:
 
 
 def notes(
-    photographs: Sequence[Photograph], inside: Mask, exposures: Sequence[float] | None = None
+    photographs: Sequence[Photograph],
+    inside: Mask,
+    exposures: Sequence[Float[np.ndarray, "C"]] | None = None,
 ) -> tuple[str, ...]:
     """What a user should know of how the photographs were taken, one line each.
 
@@ -112,10 +116,15 @@ def notes(
     shots = {p.name: p.shot for p in photographs if p.shot is not None}
     exposed: tuple[str | None, ...] = (exposure_note(shots),)
     if exposures is not None:
-        stated = {p.name: e for p, e in zip(photographs, exposures, strict=True)}
-        low, high = min(exposures), max(exposures)
+        # Of those that differ by channel, which are a light's too, EXIF knows nothing.
+        stated = {p.name: float(e[0]) for p, e in zip(photographs, exposures, strict=True)}
+        shared = all(e.size == 1 for e in exposures)
+        low, high = min(map(np.min, exposures)), max(map(np.max, exposures))
         said = f"of {low:.4g}" if low == high else f"from {low:.4g} to {high:.4g}"
-        exposed = (f"images divided by stated exposures {said}", stated_note(shots, stated))
+        exposed = (
+            f"images divided by stated exposures {said}",
+            stated_note(shots, stated) if shared else None,
+        )
     return tuple(
         note
         for note in (

@@ -68,6 +68,7 @@ class RefinedLights:
     `directions` are unit vectors, `strengths` those beside the given intensities, of mean 1.
     `standard_errors` of the directions are in degrees, across all of them; `strength_errors` are
     parts of the strength. `changes` are degrees from the directions that were given.
+    `relative_residual` is that of the `fit`, `before` with the lights that were given.
     """
 
     directions: Float[np.ndarray, "K 3"]
@@ -78,6 +79,8 @@ class RefinedLights:
     moved: tuple[MovedLight, ...]
     fit: Fit
     scenes: tuple[Scene, ...]
+    relative_residual: float
+    before: float
     converged: bool
 
 
@@ -103,7 +106,7 @@ def refine_lights(
     given = np.stack([_direction(scene) for scene in scenes])
     found, strengths = given.copy(), np.ones(len(scenes))
     lit: tuple[Scene, ...] = tuple(scenes)
-    converged = False
+    converged, residuals = False, []
     for _ in range(ROUNDS):
         best = fit(
             images,
@@ -114,6 +117,7 @@ def refine_lights(
             valid=valid,
             robust=robust,
         )
+        residuals.append(best.relative_residual)
         before, last = found, strengths
         each = [
             _light(
@@ -143,6 +147,8 @@ def refine_lights(
         moved=moved_lights(given, found, errors[:, 0]),
         fit=best,
         scenes=lit,
+        relative_residual=residuals[-1],
+        before=residuals[0],
         converged=converged,
     )
 

@@ -6,9 +6,13 @@ material's: the k and u that make
     sum over images, pixels and channels of (V - (A(u) k)^(1/g))^2
 
 least, in the space in which the sensor's noise is nearly even. Compared in linear space a large g would
-always win, as it makes all values small. Its interval is by how the images disagree (the jackknife), as a
-residual of several per cent is no noise. Brightness that is lost or gained by exposure or white balance
+always win, as it makes all values small. Brightness that is lost or gained by exposure or white balance
 is none of g's: both belong into the lights' intensities, and are never guessed here.
+
+A residual of several per cent is no noise. Pixels of one image err together, by its light; those of one
+brightness do so in all images, by what the material lacks, which a gamma makes up for. The jackknife
+tells both, over images and over bands of brightness, and the variances add (two-way clusters: Cameron,
+Gelbach and Miller 2011; their third term, that of both at once, is small and left out).
 """
 
 from collections.abc import Sequence
@@ -27,7 +31,8 @@ from diffshade.io.encoding import decode
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.calibrate.image_residuals import descended, grams
-from fitting.calibrate.jackknife import covariance, half_width
+from fitting.calibrate.jackknife import FEWEST, covariance, half_width
+from fitting.calibrate.sampled import sampled
 from fitting.columns import Photo, predict, scenery
 from fitting.estimate import fit
 from fitting.limits import Bounds, limits
@@ -38,8 +43,10 @@ __all__ = ["Response", "fit_gamma"]
 
 GAMMAS = (0.3, 4.0)
 """Between which g is sought."""
-MOST = 2**18
+MOST = 2**16
 """Pixels times images that are looked at, a fair sample of them."""
+BANDS = 16
+"""Of brightness, each of as many pixels."""
 MAX_STEPS = 100
 
 
@@ -86,21 +93,12 @@ def fit_gamma(
     dtype = np.dtype(jnp.asarray(0.0).dtype)
     channels = encoded[0].shape[2]
     given = default_material(scenes) if material is None else material
-    linear = [decode(image, start) for image in encoded]
-    first = fit(linear, gbuffer, scenes, material=given, bounds=bounds, valid=valid)
+    images, surface, valid = sampled(encoded, gbuffer, valid, MOST)
+    linear = [decode(image, start) for image in images]
+    first = fit(linear, surface, scenes, material=given, bounds=bounds, valid=valid)
     model = model_of(in_precision(first.material, dtype), frozenset(), channels)
-    if gbuffer.spread is not None:
-        raise BadInput("the G-buffer is shaded by faces or vertices: give one of its pixels")
-    every = max(gbuffer.pixel_count * len(encoded) // MOST, 1)
-    normal, position = jax.tree.map(
-        lambda plane: plane[::every], (gbuffer.normal, gbuffer.position)
-    )
-    surface = GBuffer((1, normal.x.shape[0]), normal, gbuffer.viewer, position)
-    at = np.flatnonzero(gbuffer.mask)[::every]
-    used = np.ones((len(encoded), len(at)), bool)
-    if valid is not None:
-        used = np.stack([np.asarray(v).reshape(-1)[at] for v in valid])
-    values = np.stack([np.asarray(image).reshape(-1, channels)[at].T for image in encoded])
+    used = np.concatenate(valid)
+    values = np.concatenate(images).swapaxes(1, 2)
     values = np.where(used[:, None], values, 0)
     if (values < 0).any():
         raise BadInput("an image holds values below 0, which no gamma encodes: leave those out")
@@ -123,28 +121,59 @@ def fit_gamma(
     start_at, low_edge, high_edge = (jnp.asarray(x, dtype) for x in (theta, lower, upper))
     residual = eqx.Partial(_residual, seen)
     found, converged = descended(residual, start_at, low_edge, high_edge, MAX_STEPS)
-    hessians, gradients, left = (np.asarray(x, float) for x in grams(residual, found))
+    parts = [np.asarray(x, float) for x in grams(residual, found)]
+    left = parts[2].sum()
     count = float(np.sum(seen.photos.weight)) * model.channel_count
     free = np.asarray((found > low_edge) & (found < high_edge))
-    noise = float(np.sqrt(left.sum() / max(count - free.sum(), 1)))
+    noise = float(np.sqrt(left / max(count - free.sum(), 1)))
     log_gamma = float(found[0])
     at_limit = not bool(free[0])
-    error = np.inf
+    error = wide = np.inf
     if not at_limit:
-        chosen = hessians[:, free][:, :, free]
-        error = float(np.sqrt(covariance(chosen, gradients[:, free], noise)[0, 0]))
-    wide = half_width(error, len(encoded)) if np.isfinite(error) else np.inf
+        of_images = _error(parts[0], parts[1], free, noise)
+        error = float(np.hypot(of_images, _error(*_of_bands(seen, found), free, noise)))
+        wide = half_width(error, min(len(encoded), BANDS) if len(encoded) >= FEWEST else BANDS)
     gamma = float(np.exp(log_gamma))
     norm = float(np.linalg.norm(values))
     return Response(
         gamma=gamma,
         standard_error=gamma * error,
         interval=(float(np.exp(log_gamma - wide)), float(np.exp(log_gamma + wide))),
-        relative_residual=float(np.sqrt(left.sum())) / norm,
+        relative_residual=float(np.sqrt(left)) / norm,
         images=len(encoded),
         converged=bool(converged),
         at_limit=at_limit,
     )
+
+
+def _error(
+    hessians: Float[np.ndarray, "b m m"],
+    gradients: Float[np.ndarray, "b m"],
+    free: Bool[np.ndarray, "m"],
+    noise: float,
+) -> float:
+    """The standard error of log g by how groups of observations disagree."""
+    chosen = hessians[:, free][:, :, free]
+    return float(np.sqrt(covariance(chosen, gradients[:, free], noise)[0, 0]))
+
+
+def _of_bands(
+    seen: _Seen, theta: Float[Array, "m"]
+) -> tuple[Float[np.ndarray, "b m m"], Float[np.ndarray, "b m"]]:
+    """J'J and J'r of the pixels of about one brightness each, in all images together."""
+    weight = np.asarray(seen.photos.weight)
+    left = np.asarray(_residual(seen, theta))
+    brightness = (np.asarray(seen.photos.observed) * weight[:, None] - left).mean(axis=1)
+    edges = np.quantile(brightness[weight > 0], np.linspace(0, 1, BANDS + 1)[1:-1])
+    band = np.digitize(brightness, edges)
+    hessians, gradients = [], []
+    for number in range(BANDS):
+        own = weight * (band == number).astype(weight.dtype)
+        of_band = eqx.tree_at(lambda s: s.photos.weight, seen, jnp.asarray(own))
+        hessian, gradient, _ = grams(eqx.Partial(_residual, of_band), theta)
+        hessians.append(np.asarray(hessian, float).sum(axis=0))
+        gradients.append(np.asarray(gradient, float).sum(axis=0))
+    return np.stack(hessians), np.stack(gradients)
 
 
 def _residual(seen: _Seen, theta: Float[Array, "m"]) -> Float[Array, "K C P"]:

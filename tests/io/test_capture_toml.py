@@ -251,6 +251,8 @@ def test_geometry_of_a_mesh(folder: Path) -> None:
         ("[0, 0, 2]", "[0, 0, 0]", "image 2, light 1: direction is zero"),
         ("[0, 0, 2]", "[0, 0, nan]", "image 2, light 1: direction is [0, 0, nan]; give three numbers"),
         ("intensity = 2 ", "intensity = -2 ", "image 2, light 1: intensity is -2"),
+        ("file   =", "exposure = [1, 2]\nfile =", "image 1: exposure has 2 numbers"),
+        ("encoding =", "white = 0\nencoding =", "white is 0; give a number above 0"),
         ("intensity = 2 ", "intensity = [1, 2] ", "image 2, light 1: intensity has 2 numbers"),
         ("position = [1, 2, 3.5]", "postion = [1, 2, 3.5]", 'light 1: unknown key "postion"; the keys'),
         ("c0 = 1, ", "", 'light 1, attenuation: the key "c0" is missing'),

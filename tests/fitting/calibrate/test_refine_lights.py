@@ -56,17 +56,12 @@ def test_other_lights_are_refused() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "numbers", "moved", "most"),
-    [("lambert", (0, 2, 4, 6, 8, 10), [2], 0.06), ("plastic", (0, 4, 6, 8, 10), [], 0.05)],
-)
-def test_the_gray_sphere(
-    model: str, numbers: tuple[int, ...], moved: list[int], most: float
-) -> None:
-    """The chrome sphere's lights against the gray sphere's photographs: the lamp of image 2 moved; the
-    others leave 0.046 over the whole mask, of which 4 to 5 % are dirt and scratches. The lights are
-    found from a ninth of the pixels.
+def test_the_gray_sphere() -> None:
+    """The chrome sphere's lights against the gray sphere's photographs, without image 2, whose lamp
+    moved (`test_refine_command`): 0.046 is left over the whole mask, of which 4 to 5 % are dirt and
+    scratches. The lights are found from a ninth of the pixels.
     """
+    numbers = (0, 4, 6, 8, 10)
     folder = shared_data("uw_psm")
     mask = read_mask(folder / "gray" / "gray.mask.png")
     shape = (mask.shape[0], mask.shape[1])
@@ -81,11 +76,11 @@ def test_the_gray_sphere(
         images,
         ball_gbuffer(circle, shape, some),
         scenes,
-        material=named_material(model, ambient=True),
-        bounds=named_bounds(model),
+        material=named_material("plastic", ambient=True),
+        bounds=named_bounds("plastic"),
         valid=[some & valid for valid in unclipped],
     )
-    assert [numbers[light.image] for light in found.moved] == moved
+    assert found.moved == ()
     whole = fitting.evaluate(
         found.fit.material,
         images,
@@ -93,4 +88,4 @@ def test_the_gray_sphere(
         found.scenes,
         valid=[mask & valid for valid in unclipped],
     )
-    assert whole.relative_residual < most
+    assert whole.relative_residual < 0.05
