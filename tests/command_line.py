@@ -40,6 +40,11 @@ def scene(direction: tuple[float, ...], **parts: str) -> str:
     return "".join(f"{key} = {value}\n" for key, value in (lines | parts).items())
 
 
+def interrupted(*_: object) -> None:
+    """In the place of a function during which Ctrl-C is pressed."""
+    raise KeyboardInterrupt
+
+
 def program(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
     """`python -m diffshade` in a process of its own."""
     command = [sys.executable, "-m", "diffshade", *map(str, arguments)]

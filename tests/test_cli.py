@@ -23,6 +23,7 @@ from command_line import (
     SHININESS,
     SIZE,
     flat,
+    interrupted,
     make_capture,
     program,
     scene,
@@ -324,6 +325,19 @@ def test_evaluate_of_what_is_swapped(
     )
 
 
+def test_lights_of_another_program_are_no_fit(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """AliceVision's lights end in `.json`, as a fit does."""
+    lights, empty = tmp_path / "lights.json", tmp_path / "empty"
+    lights.write_text('{"lights": []}')
+    empty.mkdir()
+    assert run(["evaluate", str(empty), str(lights)]) == 3
+    assert f"{empty}: this folder has no fit.json" in capsys.readouterr().err
+    assert run(["evaluate", str(lights), str(results)]) == 3
+    assert f"{lights} and {results}: seem to be swapped" in capsys.readouterr().err
+
+
 def test_the_page_of_a_folder(
     results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -334,14 +348,14 @@ def test_the_page_of_a_folder(
     (tmp_path / "fit.json").unlink()
     assert run(["view", str(tmp_path)]) == 3
     assert f"{tmp_path}: this folder has no fit.json" in capsys.readouterr().err
+    (tmp_path / "scene.toml").write_text(scene((0.0, 0.0, 1.0)))
+    assert run(["view", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'scene.html'}\n"
 
 
 def test_what_ends_before_a_file_is_whole_leaves_no_folder(
     capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(os, "replace", interrupted)
     (tmp_path / "mine").mkdir()
     for folder in (tmp_path / "new" / "folder", tmp_path / "mine"):

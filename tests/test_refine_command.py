@@ -1,12 +1,22 @@
 """`diffshade fit` that finds gamma, circle and lights first: what was put in comes back."""
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from command_line import HEAD, LIGHTS, flat, image_entry, light, make_capture, strict_json
+from command_line import (
+    HEAD,
+    LIGHTS,
+    flat,
+    image_entry,
+    interrupted,
+    light,
+    make_capture,
+    strict_json,
+)
 from mirror_scenes import degrees, unit
 from shared import shared_data
 
@@ -86,8 +96,21 @@ def check_evaluated(
 
 
 @pytest.mark.slow
-def test_the_lamp_that_was_turned_is_named_and_the_material_comes_back(
+def test_a_capture_of_somebody_is_never_touched(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = write_ball(tmp_path / "capture", TRUE)
+    before = {path.name: path.read_bytes() for path in given.iterdir()}
+    assert run(["fit", str(given), "--refine-lights", "--out", str(tmp_path)]) == 3
+    told = capsys.readouterr().err
+    assert told.startswith(f"diffshade: {given}: is there already, and not of an earlier fit")
+    for _ in range(2):  # the second finds the fit of the first
+        fitted(capsys, given, "--out", tmp_path)
+    assert {path.name: path.read_bytes() for path in given.iterdir()} == before
+
+
+def test_the_lamp_that_was_turned_is_named_and_the_material_comes_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, out = write_ball(tmp_path / "ball", turned(3.0)), tmp_path / "out"
     wrong = fitted(capsys, given)
@@ -111,7 +134,14 @@ def test_the_lamp_that_was_turned_is_named_and_the_material_comes_back(
 
     # A later fit that refines nothing takes that capture away with the pictures.
     fitted(capsys, given, "--out", out)
-    assert not (out / "capture" / "capture.toml").exists()
+    assert not (out / "capture").exists()
+
+    # What is interrupted at its first file leaves no folder.
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run(["fit", str(given), "--refine-lights", "--out", str(tmp_path / "new" / "fit")])
+    assert not (tmp_path / "new").exists()
 
     # The circle goes before the lights, which follow a wrong one: no lamp stands out then.
     given = write_ball(tmp_path / "wrong", turned(3.0), circle=Circle(20.3, 19.8, 17.4))

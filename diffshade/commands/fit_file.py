@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from diffshade.errors import BadInput
+from diffshade.io.json_document import read_json
 
 __all__ = ["fit_file", "refuse_swapped"]
-
-CAPTURES = (".toml", ".lp", ".dome")
-"""The suffixes of captures that are files."""
 
 
 def fit_file(path: Path) -> Path:
@@ -25,11 +23,29 @@ def fit_file(path: Path) -> Path:
 
 def refuse_swapped(fit_json: Path, capture: Path) -> None:
     """Raise `BadInput` where a capture stands in the place of a fit, and a fit in that of a capture."""
-    fit_last = capture.suffix.lower() == ".json" or (capture / "fit.json").is_file()
-    capture_first = fit_json.suffix.lower() in CAPTURES or (
-        fit_json.is_dir() and not (fit_json / "fit.json").is_file()
-    )
-    if fit_last and capture_first:
+    if _is_fit(capture) and not _is_fit(fit_json) and _is_capture(fit_json):
         raise BadInput(
             f"{fit_json} and {capture}: seem to be swapped; the fit goes first, and then the capture"
         )
+
+
+def _is_fit(path: Path) -> bool:
+    """Whether a fit lies there: other programs write files that end in `.json` too."""
+    if path.is_dir():
+        return (path / "fit.json").is_file()
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        schema = read_json(path, "a fit.json").values.get("schema")
+    except BadInput:
+        return False
+    return isinstance(schema, str) and schema.startswith("diffshade.fit/")
+
+
+def _is_capture(path: Path) -> bool:
+    """Whether it has the form of a capture, which may be damaged."""
+    from diffshade.io.photometric_stereo import FILES
+
+    if path.is_dir():
+        return any((path / name).is_file() for name in ("capture.toml", *FILES))
+    return path.suffix.lower() in (".toml", ".lp", ".dome", ".json")

@@ -18,6 +18,7 @@ from diffshade.commands.pictures import (
 )
 from diffshade.errors import BadInput
 from diffshade.io.atomic import replacing
+from diffshade.io.written_capture import is_written, remove_capture
 
 if TYPE_CHECKING:
     from diffshade.io.capture import Capture
@@ -30,8 +31,9 @@ CAPTURE = "capture"
 """The folder of a capture that was refined before it was fitted."""
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse, before the work, a folder that could not be made after it. Makes nothing."""
+def check_folder(folder: Path, *, with_capture: bool = False) -> None:
+    """Refuse, before the work, a folder that could not be made after it, and one that has a capture of
+    somebody's where another is to be written. Makes nothing."""
     nearest = folder
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent
@@ -39,6 +41,12 @@ def check_folder(folder: Path) -> None:
         raise BadInput(f"{nearest}: is not a folder, so nothing can be written there; name another")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise BadInput(f"{nearest}: is not writable; name another folder")
+    own = folder / CAPTURE
+    if with_capture and own.exists() and not is_written(own) and any(own.iterdir()):
+        raise BadInput(
+            f"{own}: is there already, and not of an earlier fit; the refined capture is written there:"
+            " name another folder, or move that one"
+        )
 
 
 def write_folder(
@@ -56,15 +64,16 @@ def write_folder(
     at all. `title` is that of the page. `with_capture`: the capture too, under these scenes, into a
     folder of its own below. Returns the names of the files, the report first.
 
-    The `fit.json` of an earlier fit is removed first, and then its pictures and its capture. A folder
-    that is made here is gone again where nothing was written into it.
+    The `fit.json` of an earlier fit is removed first, and then its pictures and its capture, unless that
+    is what was fitted. A folder that is made here is gone again where nothing was written into it.
     """
     from fitting.report_html import fit_page
 
     compared = compare(capture, material, scenes)
     page = fit_page(document, page_pictures(compared), title=title)
-    own = any(_same(source.path.parent, folder / CAPTURE) for source in capture.sources)
-    with _made(folder, keep_capture=own):
+    own = (folder / CAPTURE).resolve()
+    fitted = any(own in source.path.resolve().parents for source in capture.sources)
+    with _made(folder, keep_capture=fitted):
         refined = _capture(folder, replace(capture, scenes=scenes)) if with_capture else ()
         pictures, legend = write_pictures(folder, compared)
         _write_text(folder / "report.txt", f"{report}\n\n{legend}\n")
@@ -87,11 +96,11 @@ def _capture(folder: Path, capture: Capture) -> tuple[str, ...]:
 
 @contextmanager
 def _made(folder: Path, *, keep_capture: bool) -> Iterator[None]:
-    """A folder to write into, without an earlier fit and, unless that was just read, its capture.
+    """A folder to write into, without an earlier fit and, unless that is kept, its capture.
 
     Made with those above it, and where the block raises those of them that are still empty are removed.
     """
-    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    new = [path for path in (folder / CAPTURE, folder, *folder.parents) if not path.exists()]
     try:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -100,7 +109,7 @@ def _made(folder: Path, *, keep_capture: bool) -> Iterator[None]:
                 for old in earlier_pictures(folder):
                     old.unlink()
                 if not keep_capture:
-                    (folder / CAPTURE / "capture.toml").unlink(missing_ok=True)
+                    remove_capture(folder / CAPTURE)
         except OSError as error:
             raise BadInput(
                 f"{folder}: cannot be written ({error.strerror}); name another folder"
@@ -111,10 +120,6 @@ def _made(folder: Path, *, keep_capture: bool) -> Iterator[None]:
             with suppress(OSError):  # it is not empty, or was not made
                 path.rmdir()
         raise
-
-
-def _same(one: Path, other: Path) -> bool:
-    return one.resolve() == other.resolve()
 
 
 def _write_text(path: Path, text: str) -> None:

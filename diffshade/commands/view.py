@@ -29,10 +29,12 @@ MARGIN = 1.1
 def view(path: Path, *, out: Path | None, allow_outside: bool) -> int:
     """Write the page, beside the file where `out` does not say; returns the exit status.
 
-    Of a folder it is that of the fit in it.
+    Of a folder it is that of the fit in it, or of its `scene.toml`.
     """
     from diffshade.web.page import write_page
 
+    if not (path / "fit.json").is_file() and (path / "scene.toml").is_file():
+        path /= "scene.toml"
     path = fit_file(path)
     shown = _of_fit(path) if path.suffix.lower() == ".json" else _of_scene(path, allow_outside)
     target = path.with_suffix(".html") if out is None else out

@@ -19,6 +19,7 @@ from diffshade.errors import BadInput
 from diffshade.io.atomic import replacing
 from diffshade.io.capture import Capture, Source
 from diffshade.io.gbuffer import save_gbuffer
+from diffshade.io.written_capture import MARK
 
 if TYPE_CHECKING:
     from diffshade.light.attenuation import AbstractAttenuation
@@ -79,7 +80,7 @@ def _document(capture: Capture, names: Sequence[str], folder: Path) -> str:
     fitted = capture.fit_attenuation is not None
     for source, name, scene in zip(capture.sources, names, capture.scenes, strict=True):
         lines += ["", "[[image]]", *_lines(_image(source, name, scene, folder, fitted=fitted))]
-    return "\n".join(lines) + "\n"
+    return "\n".join([MARK, "", *lines]) + "\n"
 
 
 def _image(
