@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from diffshade.light.attenuation import AbstractAttenuation
     from diffshade.scene import Scene
 
-__all__ = ["Capture", "Colour", "Source", "assemble"]
+__all__ = ["Capture", "Colour", "Exposure", "Source", "assemble"]
 
 Pixels = Float[np.ndarray, "H W C"]
 Mask = Bool[np.ndarray, "H W"]
 Colour = Float[np.ndarray, "C"]
+Exposure = Float[np.ndarray, "*C"]
+"""One number, of no axis, or one a channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +38,9 @@ class Source:
     """What `decode` was told: "linear", "srgb" or a gamma."""
     white: float | None
     """The encoded level at which the sensor clips; None where that is unknown."""
-    exposure: Colour | None
-    """What the linear values were divided by, one number or one a channel; None: by nothing."""
+    exposure: Exposure | None
+    """What the linear values were divided by; None: by nothing. It is the exposure where it is one
+    number, of no axis, and a light's intensity may be in those by channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +76,7 @@ def assemble(
     scenes: Sequence[Scene],
     *,
     divisors: Sequence[Colour] | None = None,
-    exposures: Sequence[Colour] | None = None,
+    exposures: Sequence[Exposure] | None = None,
     fit_attenuation: type[AbstractAttenuation] | None = None,
     circle: Circle | None = None,
     notes: Sequence[str] = (),

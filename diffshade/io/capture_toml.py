@@ -6,24 +6,26 @@ encoding needs `encoding` here; `white` is the level at which the sensor clips, 
 constants to be fitted for all point lights, so all of them say so, or none.
 
 `exposure` of an image, in seconds or relative to the others, is what the image is divided by, so that its
-unit is that of an exposure of 1; if one image has it, all have. It may be one number a channel.
+unit is that of an exposure of 1; if one image has it, all have. It may be a list of one number a channel,
+in which the intensity of a light may be: that is not compared with what the camera wrote (EXIF).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffshade.errors import BadInput
-from diffshade.io.capture import Capture, Colour, assemble
+from diffshade.io.capture import Capture, Exposure, assemble
 from diffshade.io.encoding import decode
 from diffshade.io.environment_table import environment_channels
 from diffshade.io.folder_geometry import read_mask_of
 from diffshade.io.foreground import lost_pixels
 from diffshade.io.normals_file import NormalMap
-from diffshade.io.photographs import read_photographs, size
+from diffshade.io.photographs import Photograph, read_photographs, size
 from diffshade.io.toml_document import Table, read_toml
 from diffshade.io.toml_tables import (
     asks_for_fit,
@@ -61,8 +63,7 @@ def read_capture_toml(
     optional = ("encoding", "white", "mask", "ambient", "camera")
     top.expect(("schema", "geometry", "image"), optional)
     stated = _encoding(top)
-    if white is None and "white" in top:
-        white = top.number("white", above=0.0)
+    level = top.number("white", above=0.0) if "white" in top else None
     ambient = top.per_channel("ambient") if "ambient" in top else None
     entries = top.tables("image", "image")
     if not entries:
@@ -93,6 +94,8 @@ def read_capture_toml(
         allow_outside=allow_outside,
         progress=progress,
     )
+    if level is not None and white is None:
+        photographs = [_clipping_at(level, photograph, top) for photograph in photographs]
     height, width, channels = photographs[0].encoded.shape
     channel_count(top, "ambient", channels)
     for entry in entries:
@@ -142,6 +145,15 @@ def _encoding(top: Table) -> str | float | None:
     return encoding
 
 
+def _clipping_at(level: float, photograph: Photograph, top: Table) -> Photograph:
+    if photograph.white is not None and level > photograph.white:
+        top.fail(
+            f"white is {level:g}, beyond the full scale of {photograph.name}; give the part of it at"
+            " which the sensor clips, above 0 and at most 1"
+        )
+    return replace(photograph, white=level)
+
+
 def _lights(entry: Table, *, lit: bool) -> list[Table]:
     entry.expect(("file", "lights"), ("exposure",))
     lights = entry.tables("lights", "light")
@@ -150,14 +162,14 @@ def _lights(entry: Table, *, lit: bool) -> list[Table]:
     return lights
 
 
-def _exposures(entries: list[Table]) -> list[Colour] | None:
+def _exposures(entries: list[Table]) -> list[Exposure] | None:
     if not any("exposure" in entry for entry in entries):
         return None
     found = []
     for entry in entries:
         if "exposure" not in entry:
             entry.fail("has no exposure where others have; give each image its own, or none any")
-        exposure = np.atleast_1d(entry.per_channel("exposure", above=0.0))
+        exposure = np.asarray(entry.per_channel("exposure", above=0.0))
         if not ((exposure > 1e-9) & (exposure < 1e9)).all():
             entry.fail(
                 f"exposure is {exposure.min():.3g}; give seconds, or a number relative to the others"

@@ -107,7 +107,7 @@ def size(image: np.ndarray) -> str:
 def notes(
     photographs: Sequence[Photograph],
     inside: Mask,
-    exposures: Sequence[Float[np.ndarray, "C"]] | None = None,
+    exposures: Sequence[Float[np.ndarray, "*C"]] | None = None,
 ) -> tuple[str, ...]:
     """What a user should know of how the photographs were taken, one line each.
 
@@ -116,14 +116,15 @@ def notes(
     shots = {p.name: p.shot for p in photographs if p.shot is not None}
     exposed: tuple[str | None, ...] = (exposure_note(shots),)
     if exposures is not None:
-        # Of those that differ by channel, which are a light's too, EXIF knows nothing.
-        stated = {p.name: float(e[0]) for p, e in zip(photographs, exposures, strict=True)}
-        shared = all(e.size == 1 for e in exposures)
+        # Of those by channel, which are a light's too, EXIF knows nothing.
+        shared = all(e.ndim == 0 for e in exposures)
+        pairs = zip(photographs, exposures, strict=True)
+        stated = {p.name: float(e) for p, e in pairs} if shared else {}
         low, high = min(map(np.min, exposures)), max(map(np.max, exposures))
         said = f"of {low:.4g}" if low == high else f"from {low:.4g} to {high:.4g}"
         exposed = (
             f"images divided by stated exposures {said}",
-            stated_note(shots, stated) if shared else None,
+            stated_note(shots, stated),
         )
     return tuple(
         note

@@ -78,17 +78,21 @@ def _document(capture: Capture, names: Sequence[str], folder: Path) -> str:
     top["geometry"] = {"kind": "normals", "file": GEOMETRY}
     lines = _lines(top)
     fitted = capture.fit_attenuation is not None
+    channels = capture.images[0].shape[-1]
     for source, name, scene in zip(capture.sources, names, capture.scenes, strict=True):
-        lines += ["", "[[image]]", *_lines(_image(source, name, scene, folder, fitted=fitted))]
+        image = _image(source, name, scene, folder, channels=channels, fitted=fitted)
+        lines += ["", "[[image]]", *_lines(image)]
     return "\n".join([MARK, "", *lines]) + "\n"
 
 
 def _image(
-    source: Source, name: str, scene: Scene, folder: Path, *, fitted: bool
+    source: Source, name: str, scene: Scene, folder: Path, *, channels: int, fitted: bool
 ) -> dict[str, Any]:
     found: dict[str, Any] = {"file": name}
-    if source.exposure is not None:
-        found["exposure"] = _numbers(source.exposure)
+    if source.exposure is not None:  # a list is never compared with EXIF: it may be an intensity
+        by_channel = source.exposure.ndim > 0
+        each = np.broadcast_to(source.exposure, channels) if by_channel else source.exposure
+        found["exposure"] = _numbers(each)
     return found | {"lights": [_light(light, folder, fitted=fitted) for light in scene.lights]}
 
 

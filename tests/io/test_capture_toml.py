@@ -102,6 +102,9 @@ def test_clipping_and_white_are_as_in_a_folder(folder: Path) -> None:
     write_png(folder / "a.png", image)
     assert np.argwhere(read_capture(toml(folder)).clipped[0]).tolist() == [[6, 8]]
     assert read_capture(folder, white=0.5).clipped[0].sum() > 1
+    toml(folder, ("encoding =", "white = 0.5\nencoding ="))
+    stated, given = read_capture(folder), read_capture(folder, white=0.7)
+    assert stated.clipped[0].sum() > given.clipped[0].sum() > 1, "what is given goes before"
 
 
 def test_images_in_folders_keep_their_names_apart(folder: Path) -> None:
@@ -253,6 +256,7 @@ def test_geometry_of_a_mesh(folder: Path) -> None:
         ("intensity = 2 ", "intensity = -2 ", "image 2, light 1: intensity is -2"),
         ("file   =", "exposure = [1, 2]\nfile =", "image 1: exposure has 2 numbers"),
         ("encoding =", "white = 0\nencoding =", "white is 0; give a number above 0"),
+        ("encoding =", "white = 1.5\nencoding =", "white is 1.5, beyond the full scale of a.png; give"),
         ("intensity = 2 ", "intensity = [1, 2] ", "image 2, light 1: intensity has 2 numbers"),
         ("position = [1, 2, 3.5]", "postion = [1, 2, 3.5]", 'light 1: unknown key "postion"; the keys'),
         ("c0 = 1, ", "", 'light 1, attenuation: the key "c0" is missing'),

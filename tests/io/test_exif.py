@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import pytest
-from capture_files import codes, refusal
+from capture_files import codes, photometric_stereo, refusal
 from handmade import dng
 from PIL.TiffImagePlugin import IFDRational
 
@@ -14,6 +14,7 @@ from diffshade.io.capture import Capture
 from diffshade.io.exif import Shot, shot_in_tiff
 from diffshade.io.image import read_image
 from diffshade.io.read_capture import read_capture
+from diffshade.io.write_capture import write_capture
 
 EXPOSURE_TIME, F_NUMBER, SENSITIVITY, WHITE_BALANCE = 33434, 33437, 34855, 41987
 PHONE = {
@@ -22,6 +23,8 @@ PHONE = {
     SENSITIVITY: 100,
     WHITE_BALANCE: 1,
 }
+
+UP = "0 0 1\n"
 
 
 def exif(**tags: Any) -> bytes:
@@ -135,6 +138,33 @@ def test_stated_exposures_that_the_files_deny_are_told(tmp_path: Path) -> None:
     assert (
         "disagree with EXIF by a factor of 2: 0.008333 for 1/120 s f/1.8 ISO 200 in 1.jpg" in note
     )
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_intensities_of_lights_are_not_compared(channels: int, tmp_path: Path) -> None:
+    """Nor where a capture with them is written, which calls both an exposure."""
+    folder, new = tmp_path / "folder", tmp_path / "new"
+    names = ["0.jpg", "1.jpg"]
+    photometric_stereo(folder, {}, filenames_txt="\n".join(names), light_directions_txt=UP * 2)
+    for name in names:
+        image = PIL.Image.fromarray((codes(3, (12, 16, 3)) >> 8).astype(np.uint8))
+        image.convert("RGB" if channels == 3 else "L").save(folder / name, exif=exif(tags=PHONE))
+    (folder / "light_intensities.txt").write_text("1\n0.5\n")
+    given = read_capture(folder, circle=(8.0, 6.0, 5.0), encoding="srgb")
+    write_capture(new, given)
+    found = read_capture(new)
+    np.testing.assert_array_equal(found.images, given.images)
+    assert not told(given, "EXIF")
+    assert not told(found, "EXIF")
+
+
+def test_a_stated_exposure_is_still_compared_where_it_was_written(tmp_path: Path) -> None:
+    given = read_capture(capture(tmp_path, PHONE, PHONE, stated=(1, 0.5)))
+    write_capture(tmp_path / "new", given)
+    (note,) = told(read_capture(tmp_path / "new"), "EXIF")
+    assert "disagree with EXIF by a factor of 2" in note
+    listed = read_capture(capture(tmp_path, PHONE, PHONE, stated=([1], [0.5])))
+    assert not told(listed, "EXIF")
 
 
 @pytest.mark.parametrize(
