@@ -84,6 +84,11 @@ def read_lights(path: str | os.PathLike[str]) -> Lights:
     ... ]
     """
     table = read_json(Path(path), "AliceVision's lights, as lightingCalibration writes them")
+    if str(table.values.get("schema")).startswith("diffshade.fit/"):
+        table.fail(
+            "this is a fit, not a capture; give the photographs' own capture, or this to diffshade"
+            " evaluate or export"
+        )
     if "lights" not in table:
         table.fail('the key "lights" is missing; give the file of a lightingCalibration')
     entries = table.tables("lights", "light")

@@ -213,6 +213,12 @@ def test_the_scene_has_to_be_there_once(folder: Path) -> None:
     assert "it holds lights.json: give that file" in refusal(folder)
 
 
+def test_a_fit_is_no_capture(folder: Path) -> None:
+    path = folder / "fit.json"
+    path.write_text('{"schema": "diffshade.fit/1", "lights": {"before": 0.1, "per_image": []}}')
+    assert "this is a fit, not a capture" in refusal(path)
+
+
 def test_other_lights_than_those_of_the_scene_are_refused(folder: Path) -> None:
     other = LIGHTS.replace("16498299", "1").replace("32996598", "2")
     (folder / "lights.json").write_text(other)
