@@ -19,7 +19,6 @@ AliceVision's `photometricStereo`, in which y is down and z forward.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
@@ -28,7 +27,7 @@ import numpy as np
 from diffshade.errors import BadInput
 from diffshade.io.alicevision import AXES, Lights, read_lights
 from diffshade.io.capture import Capture, assemble
-from diffshade.io.contents import within
+from diffshade.io.contents import finder, within
 from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import Geometry, folder_geometry, read_mask_of
 from diffshade.io.foreground import lost_pixels
@@ -78,12 +77,10 @@ def read_alicevision(
     lights = read_lights(path)
     scene = _scene_beside(path, allow_outside)
     chosen, notes = _lit(path, scene, lights)
-    beside = {file.name.lower(): file.name for file in sorted(path.parent.iterdir())}
+    find = finder(path.parent)
     names = []
     for view, _ in chosen:
-        name = (
-            view.name if os.path.isfile(path.parent / view.name) else beside.get(view.name.lower())
-        )
+        name = find(view.name)
         if name is None:
             raise BadInput(
                 f"{scene}: view {view.identity}: there is no {view.name} beside {path.name}; copy the"

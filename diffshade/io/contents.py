@@ -1,15 +1,16 @@
 """The content of a plain file, or one line that says why there is none."""
 
+import os
 import stat
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from diffshade.errors import BadInput, naming
 from diffshade.io.limits import VARIABLE, largest
 
-__all__ = ["read_bytes", "read_text", "refusing", "within"]
+__all__ = ["finder", "read_bytes", "read_text", "refusing", "within"]
 
 _BYTES = 8
 """Of a value, at most."""
@@ -80,3 +81,12 @@ def within(folder: Path, name: str, *, allow_outside: bool) -> Path:
             " allow_outside=True)"
         )
     return path
+
+
+def finder(folder: Path) -> Callable[[str], str | None]:
+    """How a file in the folder is spelled that is called so, in any case of letters; None: there is none.
+
+    Files that differ in case alone are told apart by it; a name that is none of them means the last.
+    """
+    spelled = {file.name.lower(): file.name for file in sorted(folder.iterdir())}
+    return lambda name: name if os.path.isfile(folder / name) else spelled.get(name.lower())

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from diffshade.errors import BadInput, naming
 from diffshade.io.atomic import replacing
 from diffshade.io.capture import Capture, assemble
+from diffshade.io.contents import finder
 from diffshade.io.divided_scene import divided_scene
 from diffshade.io.folder_geometry import folder_geometry
 from diffshade.io.limits import check_size
@@ -83,8 +84,7 @@ def parse_lp(path: Path) -> LightPositions:
         notes = (f"{path.name}: its first line is not a count: every line was read as an image",)
     if not content:
         raise BadInput(f"{path}: lists no image; give a count, then 'filename x y z' a line")
-    # Later names win among those that differ in case only; those are told apart by exact case.
-    beside = {file.name.lower(): file for file in sorted(path.parent.iterdir())}
+    find = finder(path.parent)
     images, directions = [], []
     for number, line in content:
         where = f"{path}, line {number}"
@@ -92,11 +92,10 @@ def parse_lp(path: Path) -> LightPositions:
         if len(words) < 4:
             raise BadInput(f"{where}: {line!r} is not 'filename x y z'; correct the line")
         name = PureWindowsPath(words[0].strip("\"'")).name
-        exact = path.parent / name
-        image = exact if os.path.isfile(exact) else beside.get(name.lower())
+        image = find(name)
         if image is None:
             raise BadInput(f"{where}: there is no {name} beside it; copy the image there")
-        images.append(image.name)
+        images.append(image)
         directions.append(direction(numbers(words[1:], where), where))
     return LightPositions(images, directions, notes)
 
