@@ -202,6 +202,11 @@ def test_the_lamp_of_the_gray_sphere(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 POINT = '{ kind = "point", position = [2, 2, 5], intensity = 1.0 }'
 
+AROUND = '{ kind = "environment", harmonics = [0.8, 0.1, 0.2, 0.1] }'
+LEAVE = (
+    "(EnvironmentLight) where --refine-lights turns the one parallel light of an image: leave it out, or"
+    " leave out --refine-lights"
+)
 ASKED = POINT.replace(" }", ', attenuation = { kind = "quadratic" } }')
 
 
@@ -210,6 +215,8 @@ ASKED = POINT.replace(" }", ', attenuation = { kind = "quadratic" } }')
     [
         ([POINT] * 2, "--refine-lights", 3, "fitting.calibrate.refine_near_lights"),
         ([light(LIGHTS[0])], "--refine-lights", 3, "of one image"),
+        ([light(LIGHTS[0]), AROUND], "--refine-lights", 3, f"toml: 1.png: has 1 lights {LEAVE}"),
+        ([light(LIGHTS[0]), ""], "--refine-lights", 3, "toml: 1.png: has 0 lights (none)"),
         ([light(LIGHTS[0])], "--refine-circle", 3, "not made of a circle"),
         ([light(LIGHTS[0])], "--refine-lights --model auto", 2, "--refine-lights: is by one"),
         ([POINT, light(LIGHTS[0])], "--fit-gamma", 3, "different kinds or numbers of lights"),

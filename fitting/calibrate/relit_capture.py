@@ -7,6 +7,7 @@ from typing import Any
 
 from diffshade.errors import BadInput
 from diffshade.io.capture import Capture
+from diffshade.light.parallel import ParallelLight
 from diffshade.light.point import AbstractPointLight
 from diffshade.reflectance.material import Material
 from fitting.calibrate.joint_lights import FEWEST, RefinedLights, refine_lights
@@ -37,6 +38,13 @@ def with_refined_lights(
             "of one image nothing tells a light that was turned from a surface that was: give"
             " photographs under other lights too, or leave out --refine-lights"
         )
+    for name, scene in zip(capture.names, capture.scenes, strict=True):
+        if [type(light) for light in scene.lights] != [ParallelLight]:
+            kinds = ", ".join(sorted({type(light).__name__ for light in scene.lights})) or "none"
+            raise BadInput(
+                f"{name}: has {len(scene.lights)} lights ({kinds}) where --refine-lights turns the one"
+                " parallel light of an image: leave it out, or leave out --refine-lights"
+            )
     looked_at = sampled(capture.images, capture.gbuffer, capture.valid, MOST)
     found = refine_lights(
         looked_at.images,
