@@ -60,10 +60,12 @@ def find_highlight(
     distance from the core's edge: streaks of glare are thin, and reach far without moving it; of
     several such cores the largest is taken, depths summed. Elsewhere it is the largest spot, of those
     above half of the brightness, that comes near the brightest pixel, and each pixel of it and close
-    about it counts by what it has above the spot's foot.
+    about it counts by what it has above the spot's foot. Infinite pixels count as the brightest of the
+    others.
 
     Raises `BadInput` where the ball is black or all of one value, and where it is no mirror that shows
-    one lamp: what is bright is as large as no lamp, or falls into many spots, or the edge cuts it off.
+    one lamp: what is bright is as large as no lamp, or falls into many spots, or an edge cuts it off, or
+    pixels that are NaN do.
 
     >>> image = np.zeros((40, 40, 1))
     >>> image[10:13, 20:23] = 1
@@ -73,13 +75,15 @@ def find_highlight(
     """
     brightness = image.mean(axis=-1)
     y, x = np.mgrid[: brightness.shape[0], : brightness.shape[1]] + 0.5
-    inside = np.hypot(x - circle.cx, y - circle.cy) < RIM * circle.radius
+    ball = np.hypot(x - circle.cx, y - circle.cy) < RIM * circle.radius
     if mask is not None:
-        inside &= mask
-    inside &= np.isfinite(brightness)
-    if not inside.any():
+        ball &= mask
+    finite = ball & np.isfinite(brightness)
+    if not finite.any():
         raise BadInput("no pixel lies on the ball: correct the circle or the mask")
-    values = np.where(inside, brightness, 0)
+    # What overflowed is as bright as the brightest that did not
+    inside = finite | (ball & np.isposinf(brightness))
+    values = np.where(inside, np.minimum(brightness, brightness[finite].max()), 0)
     peak, ground = float(values[inside].max()), float(np.median(values[inside]))
     if not peak > ground:
         raise BadInput("the ball shows no highlight: every pixel of it has one value")
@@ -88,7 +92,7 @@ def find_highlight(
     core = inside & (values >= max(CORE * peak, ground))
     clipped = np.count_nonzero(core) >= FEWEST and np.median(values[core]) > FLAT * peak
     weight, rival = _by_depth(core) if clipped else _above_foot(values, inside, half, core)
-    check_whole(core if clipped else weight > 0, weight > 0, inside)
+    check_whole(core if clipped else weight > 0, weight > 0, ball, inside)
     weight = weight / weight.sum()
     at_x, at_y = float((x * weight).sum()), float((y * weight).sum())
     size = float(np.sqrt((((x - at_x) ** 2 + (y - at_y) ** 2) * weight).sum()))

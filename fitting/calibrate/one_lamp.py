@@ -47,13 +47,25 @@ def check_one_lamp(bright: Mask, circle: Circle) -> None:
         )
 
 
-def check_whole(highlight: Mask, counted: Mask, inside: Mask) -> None:
-    """Raise `BadInput` where the edge of what is looked at cuts the highlight off: where a pixel that is
-    `counted`, as those of thin streaks are not, is as near to the one's edge as to the other's."""
-    depth, away = (ndimage.distance_transform_edt(plane) for plane in (highlight, inside))
-    if (depth >= away)[counted].any():
+def check_whole(highlight: Mask, counted: Mask, ball: Mask, known: Mask) -> None:
+    """Raise `BadInput` where the edge of the ball, or of the photograph, cuts the highlight off, or
+    pixels of it that are not `known` do. Those of thin streaks are not `counted`."""
+    if _cut(highlight, counted, ball):
         raise BadInput(
-            "the highlight is cut off at the edge of the ball: a mirror ball shows no lamp behind it"
-            " whole, and a matte one is bright there; move the lamp to the front, or correct the circle"
-            " or the mask"
+            "the highlight is cut off at the edge of the ball or of the photograph: a mirror ball shows"
+            " no lamp behind it whole, and a matte one is bright there; move the lamp to the front, take"
+            " the whole of the ball, or correct the circle or the mask"
         )
+    if _cut(highlight, counted, known):
+        raise BadInput(
+            "the highlight has pixels that are NaN, so that where its middle is is not known; give a"
+            " photograph that has numbers there"
+        )
+
+
+def _cut(highlight: Mask, counted: Mask, seen: Mask) -> bool:
+    """Whether a pixel that is counted is as near to the edge of what is seen as to the highlight's."""
+    depth, away = (
+        ndimage.distance_transform_edt(np.pad(plane, 1))[1:-1, 1:-1] for plane in (highlight, seen)
+    )
+    return bool((depth >= away)[counted].any())

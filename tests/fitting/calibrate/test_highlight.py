@@ -120,6 +120,36 @@ def test_a_wide_clipped_crescent_is_refused() -> None:
     assert np.hypot(glared.x - plain.x, glared.y - plain.y) < 0.3
 
 
+@pytest.mark.parametrize("spread", [0.1, 0.3])
+def test_a_highlight_that_the_photograph_cuts_is_refused(spread: float) -> None:
+    """Small, by its foot, and wide, by its core; a ball that is cut elsewhere serves."""
+    image = mirror_image(SHAPE, CENTER, 50.0, np.array([0.7, 0.0, 0.7]), spread=spread)
+    whole = find_highlight(image, CIRCLE)
+    with pytest.raises(BadInput, match="or of the photograph"):
+        find_highlight(image[:, : int(whole.x)], CIRCLE)
+    left = find_highlight(image[:, 30:], Circle(30.0, 60.0, 50.0))
+    assert (left.x + 30, left.y) == pytest.approx((whole.x, whole.y), abs=0.01)
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.3])
+def test_an_infinite_pixel_of_a_highlight_is_bright_and_one_that_is_nan_is_refused(
+    spread: float,
+) -> None:
+    image = mirror_image(SHAPE, CENTER, 50.0, np.array([0.3, 0.2, 1.0]), spread=spread)
+    plain = find_highlight(image, CIRCLE)
+    at = int(plain.y), int(plain.x)
+    image[at] = np.inf
+    found = find_highlight(image, CIRCLE)
+    assert np.hypot(found.x - plain.x, found.y - plain.y) < 0.02
+    image[10, 60] = np.nan  # beside it
+    assert find_highlight(image, CIRCLE) == found
+    image[at] = np.nan
+    with pytest.raises(BadInput, match="has pixels that are NaN"):
+        find_highlight(image, CIRCLE)
+    with pytest.raises(BadInput, match="no pixel lies on the ball"):
+        find_highlight(np.full_like(image, np.inf), CIRCLE)
+
+
 @pytest.mark.parametrize("kind", noisy(np.random.default_rng(0)))
 def test_noise_is_refused(kind: str, rng: np.random.Generator) -> None:
     with pytest.raises(BadInput, match=r"no lamp stands out|no mirror ball"):
@@ -133,6 +163,17 @@ def test_a_montage_and_a_slope_are_refused() -> None:
         find_highlight(np.linspace(0.5, 0.51, 120)[:, None, None] + ball(0.0), CIRCLE)
 
 
+def test_of_equal_lamps_two_are_told_and_three_refused() -> None:
+    """And where none is on, the brightest reflection is one: what GUIDE.md says of them."""
+    lights = np.array([[0.0, 0.5, 1.0], [0.5, -0.3, 1.0], [-0.5, -0.3, 1.0]])
+    each = [mirror_image(SHAPE, CENTER, CIRCLE.radius, light, spread=0.1) for light in lights]
+    assert find_highlight(np.maximum(*each[:2]), CIRCLE).rival > 0.5  # the command notes it
+    with pytest.raises(BadInput, match="no lamp stands out"):
+        find_highlight(np.maximum.reduce(each), CIRCLE)
+    dim = find_highlight(np.minimum(each[0], 0.03), CIRCLE)
+    assert dim.contrast == pytest.approx(1.5)
+
+
 def photographs(folder: Path, pattern: str) -> list[np.ndarray]:
     return [read_image(path).values for path in sorted(folder.glob(pattern))]
 
@@ -140,13 +181,17 @@ def photographs(folder: Path, pattern: str) -> list[np.ndarray]:
 def test_the_gray_sphere_is_refused() -> None:
     folder = shared_data("uw_psm", "gray")
     mask = read_mask(folder / "gray.mask.png")
-    for image in photographs(folder, "gray.?.png") + photographs(folder, "gray.??.png"):
+    images = photographs(folder, "gray.?.png") + photographs(folder, "gray.??.png")
+    assert len(images) == 6
+    for image in images:
         with pytest.raises(BadInput, match="no mirror ball"):
             find_highlight(image, circle_from_mask(mask), mask)
 
 
 def test_the_cat_of_psbox_is_refused() -> None:
-    for image in photographs(shared_data("psbox", "Objects"), "*.png"):
+    images = photographs(shared_data("psbox", "Objects"), "*.png")
+    assert len(images) == 12
+    for image in images:
         with pytest.raises(BadInput, match="no mirror ball"):
             find_highlight(image, Circle(215.0, 275.0, 193.0))
 
