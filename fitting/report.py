@@ -52,6 +52,7 @@ __all__ = [
     "fit_to_json",
     "intervals_to_json",
     "material_from_json",
+    "plain",
 ]
 
 FIT_SCHEMA = "diffshade.fit/1"
@@ -77,7 +78,7 @@ def fit_to_json(
         "held": sorted(set(fit.coefficients) - set(fit.standard_errors)),
         "intervals": intervals_to_json(fit, fit.intervals),
         **_judged(fit, capture),
-        "noise": _plain(fit.noise),
+        "noise": plain(fit.noise),
         **_measured(fit, capture),
         "converged": fit.converged,
         "seconds": {name: round(value, 3) for name, value in seconds.items()},
@@ -90,17 +91,17 @@ def _judged(fit: Fit, capture: Capture) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if fit.correlations is not None:
         names = list(fit.correlations.names)
-        found["correlations"] = {"names": names, "matrix": _plain(fit.correlations.matrix)}
+        found["correlations"] = {"names": names, "matrix": plain(fit.correlations.matrix)}
     found["basins"] = [
-        {"coefficients": dict(b.coefficients), "relative_residual": _plain(b.relative_residual)}
+        {"coefficients": dict(b.coefficients), "relative_residual": plain(b.relative_residual)}
         for b in fit.basins
         if b.within_noise
     ]
     found["suspect_images"] = [
         {"file": capture.names[item.image], "reason": item.reason} for item in fit.suspect_images
     ]
-    found["weighted_residual"] = _plain(fit.weighted_residual)
-    found["gains"] = None if fit.gains is None else _plain(fit.gains)
+    found["weighted_residual"] = plain(fit.weighted_residual)
+    found["gains"] = None if fit.gains is None else plain(fit.gains)
     found["certificate"] = None
     if fit.certificate is not None:
         proof = fit.certificate
@@ -114,8 +115,8 @@ def _judged(fit: Fit, capture: Capture) -> dict[str, Any]:
     found["profile"] = [
         {
             "names": list(profile.names),
-            "values": _plain(profile.values),
-            "relative_residual": _plain(profile.relative_residual),
+            "values": plain(profile.values),
+            "relative_residual": plain(profile.relative_residual),
         }
         for profile in fit.profiles
     ] or None
@@ -198,19 +199,19 @@ def _shaped(fit: Fit, value: Callable[[str], Any], distance: float | None) -> di
     fitted = tuple(n.split(".")[1] for n in fit.coefficients if n.startswith("attenuation."))
     for kind, constants in CONSTANTS.items():
         if set(fitted) == set(constants):
-            found = {name: _plain(value(f"attenuation.{name}")) for name in constants}
+            found = {name: plain(value(f"attenuation.{name}")) for name in constants}
             attenuation = {"kind": kind, **found}
     if attenuation is not None and fit.reference_distance is not None:
         shares = [n for n in ("l0", "l1", "l2") if f"reference.{n}" in fit.coefficients]
         attenuation |= {
-            "reference_distance": _plain(distance),
-            **{name: _plain(value(f"reference.{name}")) for name in shares},
-            "kd": _plain(value("reference.kd")),
-            "ks": [_plain(value(f"reference.specular.{j}.ks")) for j in lobes],
+            "reference_distance": plain(distance),
+            **{name: plain(value(f"reference.{name}")) for name in shares},
+            "kd": plain(value("reference.kd")),
+            "ks": [plain(value(f"reference.specular.{j}.ks")) for j in lobes],
         }
     return {
-        "ka": _plain(value("ka")),
-        "kd": _plain(value("kd")),
+        "ka": plain(value("ka")),
+        "kd": plain(value("kd")),
         "lobes": [_part_to_json(fit.material.specular[j], f"specular.{j}", value) for j in lobes],
         "body": None
         if fit.material.body is None
@@ -234,7 +235,7 @@ def _part_to_json(part: Any, path: str, value: Callable[[str], Any]) -> dict[str
         elif hasattr(own, "kind"):
             found[field.name] = _part_to_json(own, f"{path}.{field.name}", value)
         else:
-            found[field.name] = _plain(value(f"{path}.{field.name}"))
+            found[field.name] = plain(value(f"{path}.{field.name}"))
     return found
 
 
@@ -248,12 +249,12 @@ def _error(fit: Fit, name: str) -> Any:
 def _measured(measured: Fit | Evaluation, capture: Capture) -> dict[str, Any]:
     rows = zip(capture.names, measured.per_image, capture.clipped, strict=True)
     return {
-        "relative_residual": _plain(measured.relative_residual),
-        "fraction_excluded": _plain(measured.fraction_excluded),
+        "relative_residual": plain(measured.relative_residual),
+        "fraction_excluded": plain(measured.fraction_excluded),
         "per_image": [
             {
                 "file": name,
-                "relative_residual": _plain(row.relative_residual),
+                "relative_residual": plain(row.relative_residual),
                 "pixels_used": row.pixels_used,
                 "pixels_clipped": int(np.count_nonzero(clipped)),
                 "pixels_unusable": row.pixels_excluded - int(np.count_nonzero(clipped)),
@@ -263,11 +264,11 @@ def _measured(measured: Fit | Evaluation, capture: Capture) -> dict[str, Any]:
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Plain numbers and lists; null for what is not finite."""
     if value is None:
         return None
     values = np.asarray(value, np.float64).tolist()
     if isinstance(values, list):
-        return [_plain(x) for x in values]
+        return [plain(x) for x in values]
     return values if math.isfinite(values) else None

@@ -16,6 +16,7 @@ from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
 from fitting.calibrate.response import GAMMAS, Response, fit_gamma
 from fitting.limits import Bounds
+from fitting.report import plain
 
 __all__ = ["gamma_of", "gamma_to_json", "with_gamma"]
 
@@ -24,8 +25,8 @@ def gamma_of(capture: Capture, material: Material, bounds: Bounds) -> Response:
     """The gamma of a capture that was read as linear, so that its values are those of the files.
 
     What images were divided by is part of their light again: a gamma is of what the sensor saw. Raises
-    `BadInput` where no gamma fits best, for images of different kinds or numbers of lights, and where an
-    attenuation is to be fitted.
+    `BadInput` where no gamma fits best, where the 95 % interval is all that is sought, for images of
+    different kinds or numbers of lights, and where an attenuation is to be fitted.
     """
     if capture.fit_attenuation is not None:
         raise BadInput(
@@ -56,16 +57,23 @@ def gamma_of(capture: Capture, material: Material, bounds: Bounds) -> Response:
             f"no gamma from {low:g} to {high:g} fits its shading best: check geometry and lights, or"
             " give --encoding in place of --fit-gamma"
         )
+    if found.interval == GAMMAS:
+        low, high = GAMMAS
+        raise BadInput(
+            f"its images do not tell the gamma: with a material of its own any from {low:g} to {high:g}"
+            " fits them, as where lights and model make all of the surface as bright; check the lights,"
+            " or give --encoding in place of --fit-gamma"
+        )
     return found
 
 
 def gamma_to_json(found: Response) -> dict[str, Any]:
     """The `response` of a "diffshade.fit/1" document."""
     return {
-        "gamma": found.gamma,
-        "standard_error": found.standard_error,
-        "interval": list(found.interval),
-        "relative_residual": found.relative_residual,
+        "gamma": plain(found.gamma),
+        "standard_error": plain(found.standard_error),
+        "interval": plain(found.interval),
+        "relative_residual": plain(found.relative_residual),
         "converged": found.converged,
     }
 

@@ -10,8 +10,9 @@ from typing import Any, TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from fitting.solver import BoundedLevenbergMarquardt
 
@@ -39,11 +40,34 @@ def descended(
     return found.value, jnp.asarray(found.result == optx.RESULTS.successful)
 
 
+def grams(
+    residual: Residual, theta: Float[Array, "m"], group: Int[np.ndarray, "K P"] | None = None
+) -> tuple[Float[np.ndarray, "b m m"], Float[np.ndarray, "b m"], Float[np.ndarray, "b"]]:
+    """J'J, J'r and r'r of each image, or of each group, numbered from 0, that its pixels are in.
+
+    Summed in float64 whatever the Jacobian is in: many pixels that say the same would in float32 add up
+    to more than a null space's zero.
+    """
+    left, jacobian = (np.moveaxis(np.asarray(x), -2, -1) for x in _linear(residual, theta))
+    if group is None:
+        group = np.broadcast_to(np.arange(left.shape[0])[:, None], left.shape[:2])
+    count = int(group.max()) + 1
+    hessians, gradients = np.zeros((count, theta.size, theta.size)), np.zeros((count, theta.size))
+    squares = np.zeros(count)
+    for number in range(count):
+        own = group == number
+        rows = jacobian[:, own].reshape(theta.size, -1).astype(float)
+        rest = left[own].reshape(-1).astype(float)
+        hessians[number], gradients[number], squares[number] = (
+            rows @ rows.T,
+            rows @ rest,
+            rest @ rest,
+        )
+    return hessians, gradients, squares
+
+
 @eqx.filter_jit
-def grams(residual: Residual, theta: Float[Array, "m"]) -> tuple[Array, Array, Array]:
-    """Of each image J'J, J'r and r'r."""
+def _linear(residual: Residual, theta: Float[Array, "m"]) -> tuple[Array, Array]:
+    """The residual [K, C, P] and its Jacobian [m, K, C, P]."""
     left, push = jax.linearize(residual, theta)
-    jacobian = jax.vmap(push)(jnp.eye(theta.size, dtype=theta.dtype))
-    hessians = jnp.einsum("mkcp,nkcp->kmn", jacobian, jacobian)
-    gradients = jnp.einsum("mkcp,kcp->km", jacobian, left)
-    return hessians, gradients, jnp.einsum("kcp,kcp->k", left, left)
+    return left, jax.vmap(push)(jnp.eye(theta.size, dtype=theta.dtype))

@@ -11,8 +11,7 @@ is none of g's: both belong into the lights' intensities, and are never guessed 
 
 A residual of several per cent is no noise. Pixels of one image err together, by its light; those of one
 brightness do so in all images, by what the material lacks, which a gamma makes up for. The jackknife
-tells both, over images and over bands of brightness, and the variances add (two-way clusters: Cameron,
-Gelbach and Miller 2011; their third term, that of both at once, is small and left out).
+tells both, over images and over bands of brightness, and the variances add.
 """
 
 from collections.abc import Sequence
@@ -22,7 +21,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from diffshade import guard
 from diffshade.errors import BadInput
@@ -54,6 +53,8 @@ MAX_STEPS = 100
 class Response:
     """V = L^(1/gamma): gamma, its standard error and its 95 % interval, from so many images.
 
+    Where the images do not tell gamma the error is infinite. The interval is cut off at the ends of
+    what is sought, 0.3 and 4: one of all that tells nothing.
     `relative_residual` is that of the encoded values. `at_limit` says that gamma ran to the end of what
     is sought, and is not told.
     """
@@ -121,24 +122,32 @@ def fit_gamma(
     start_at, low_edge, high_edge = (jnp.asarray(x, dtype) for x in (theta, lower, upper))
     residual = eqx.Partial(_residual, seen)
     found, converged = descended(residual, start_at, low_edge, high_edge, MAX_STEPS)
-    parts = [np.asarray(x, float) for x in grams(residual, found)]
-    left = parts[2].sum()
+    of_images = grams(residual, found)
+    left = of_images[2].sum()
     count = float(np.sum(seen.photos.weight)) * model.channel_count
     free = np.asarray((found > low_edge) & (found < high_edge))
     noise = float(np.sqrt(left / max(count - free.sum(), 1)))
     log_gamma = float(found[0])
     at_limit = not bool(free[0])
-    error = wide = np.inf
+    error = np.inf
     if not at_limit:
-        of_images = _error(parts[0], parts[1], free, noise)
-        error = float(np.hypot(of_images, _error(*_of_bands(seen, found), free, noise)))
-        wide = half_width(error, min(len(encoded), BANDS) if len(encoded) >= FEWEST else BANDS)
+        groupings = [
+            (hessians[:, free][:, :, free], gradients[:, free])
+            for hessians, gradients, _ in (of_images, grams(residual, found, _bands(seen, found)))
+        ]
+        variances = np.diagonal(covariance(*groupings, noise=noise, eps=float(np.finfo(dtype).eps)))
+        error = float(np.sqrt(variances[0]))
+    wide = half_width(error, min(len(encoded), BANDS) if len(encoded) >= FEWEST else BANDS)
+    wide = min(wide, high - low)
     gamma = float(np.exp(log_gamma))
     norm = float(np.linalg.norm(values))
     return Response(
         gamma=gamma,
         standard_error=gamma * error,
-        interval=(float(np.exp(log_gamma - wide)), float(np.exp(log_gamma + wide))),
+        interval=(
+            max(gamma * float(np.exp(-wide)), GAMMAS[0]),
+            min(gamma * float(np.exp(wide)), GAMMAS[1]),
+        ),
         relative_residual=float(np.sqrt(left)) / norm,
         images=len(encoded),
         converged=bool(converged),
@@ -146,34 +155,13 @@ def fit_gamma(
     )
 
 
-def _error(
-    hessians: Float[np.ndarray, "b m m"],
-    gradients: Float[np.ndarray, "b m"],
-    free: Bool[np.ndarray, "m"],
-    noise: float,
-) -> float:
-    """The standard error of log g by how groups of observations disagree."""
-    chosen = hessians[:, free][:, :, free]
-    return float(np.sqrt(covariance(chosen, gradients[:, free], noise)[0, 0]))
-
-
-def _of_bands(
-    seen: _Seen, theta: Float[Array, "m"]
-) -> tuple[Float[np.ndarray, "b m m"], Float[np.ndarray, "b m"]]:
-    """J'J and J'r of the pixels of about one brightness each, in all images together."""
+def _bands(seen: _Seen, theta: Float[Array, "m"]) -> Int[np.ndarray, "K P"]:
+    """Which of the bands of about one brightness each pixel is in, in all images together."""
     weight = np.asarray(seen.photos.weight)
     left = np.asarray(_residual(seen, theta))
     brightness = (np.asarray(seen.photos.observed) * weight[:, None] - left).mean(axis=1)
     edges = np.quantile(brightness[weight > 0], np.linspace(0, 1, BANDS + 1)[1:-1])
-    band = np.digitize(brightness, edges)
-    hessians, gradients = [], []
-    for number in range(BANDS):
-        own = weight * (band == number).astype(weight.dtype)
-        of_band = eqx.tree_at(lambda s: s.photos.weight, seen, jnp.asarray(own))
-        hessian, gradient, _ = grams(eqx.Partial(_residual, of_band), theta)
-        hessians.append(np.asarray(hessian, float).sum(axis=0))
-        gradients.append(np.asarray(gradient, float).sum(axis=0))
-    return np.stack(hessians), np.stack(gradients)
+    return np.digitize(brightness, edges)
 
 
 def _residual(seen: _Seen, theta: Float[Array, "m"]) -> Float[Array, "K C P"]:

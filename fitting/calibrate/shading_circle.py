@@ -56,9 +56,9 @@ MAX_STEPS = 64
 class RefinedCircle:
     """What shading makes of a circle: the circle, and by how much each number is uncertain, in pixels.
 
-    `start` is what was given. `relative_residual` is that of the pixels that were looked at, `before`
-    with the circle that was given. Where `at_limit`, the circle ran 5 % of the radius away, and is
-    not to be trusted.
+    The latter is infinite where the shading does not tell the number. `start` is what was given.
+    `relative_residual` is that of the pixels that were looked at, `before` with the circle that was
+    given. Where `at_limit`, the circle ran 5 % of the radius away, and is not to be trusted.
     """
 
     circle: Circle
@@ -128,12 +128,14 @@ def refine_circle(
         looked_at = _looked_at(seen, _kept(shape, there, mask, rim))
         residual = eqx.Partial(_residual, looked_at, center)
         y, converged = descended(residual, y, lower, upper, MAX_STEPS)
-    hessians, gradients, left = (np.asarray(x, float) for x in grams(residual, y))
-    before = np.asarray(grams(residual, at_first)[2], float)
+    hessians, gradients, left = grams(residual, y)
+    before = grams(residual, at_first)[2]
     count = float(np.sum(looked_at.photos.weight)) * looked_at.model.channel_count
     norm = float(jnp.linalg.norm(looked_at.photos.observed * looked_at.photos.weight[:, None]))
     noise = float(np.sqrt(left.sum() / max(count - y.size, 1)))
-    errors = np.sqrt(np.diagonal(covariance(hessians, gradients, noise))[:3])
+    eps = float(jnp.finfo(y.dtype).eps)
+    spread = covariance((hessians, gradients), noise=noise, eps=eps)
+    errors = np.sqrt(np.diagonal(spread)[:3])
     moved = np.asarray(y[:3], float)
     return RefinedCircle(
         circle=Circle(*(around + moved).tolist()),
