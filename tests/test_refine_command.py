@@ -224,6 +224,13 @@ ASKED = POINT.replace(" }", ', attenuation = { kind = "quadratic" } }')
         ([ASKED] * 2, "--fit-gamma", 3, "its attenuation is to be fitted"),
         ([light(LIGHTS[0])], "--fit-gamma --model auto", 2, "--fit-gamma: is by one"),
         ([light(LIGHTS[0])], "--fit-gamma --encoding 2.2", 2, "--encoding states"),
+        pytest.param(
+            [light((0, 0, -1))] * 2,
+            "--fit-gamma --model lambert",
+            3,
+            "do not tell the gamma",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_is_refused(

@@ -61,8 +61,8 @@ def gamma_of(capture: Capture, material: Material, bounds: Bounds) -> Response:
         low, high = GAMMAS
         raise BadInput(
             f"its images do not tell the gamma: with a material of its own any from {low:g} to {high:g}"
-            " fits them, as where lights and model make all of the surface as bright; check the lights,"
-            " or give --encoding in place of --fit-gamma"
+            " fits them, as where lights and model make all of the surface equally bright; check the"
+            " lights, or give --encoding in place of --fit-gamma"
         )
     return found
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from fitting.solver import BoundedLevenbergMarquardt
 
-__all__ = ["descended", "grams"]
+__all__ = ["descended", "grams", "rounding"]
 
 Residual: TypeAlias = Callable[[Float[Array, "m"]], Float[Array, "K C P"]]
 
@@ -64,6 +64,13 @@ def grams(
             rest @ rest,
         )
     return hessians, gradients, squares
+
+
+def rounding(dtype: np.dtype, count: float) -> float:
+    """Of `grams` beside their size: that of the Jacobian, or of a sum of so many numbers in float64,
+    which grows as the root of that (Higham 2002, section 4.2).
+    """
+    return max(float(np.finfo(dtype).eps), float(np.finfo(float).eps * np.sqrt(count)))
 
 
 @eqx.filter_jit

@@ -34,7 +34,7 @@ def covariance(
 
     By the jackknife, and in no direction less than `noise`^2 H^-1, that of independent errors of this
     standard deviation; by the latter alone where no grouping has four groups. Infinite on the
-    diagonal where the observations do not tell a number, to the rounding `eps` of what H is of.
+    diagonal where the observations do not tell a number, to the rounding `eps` of H.
 
     >>> covariance((np.full((4, 1, 1), 2.0), np.zeros((4, 1))), noise=1.0, eps=2e-16).round(6).tolist()
     [[0.125]]

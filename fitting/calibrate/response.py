@@ -29,7 +29,7 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.io.encoding import decode
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.calibrate.image_residuals import descended, grams
+from fitting.calibrate.image_residuals import descended, grams, rounding
 from fitting.calibrate.jackknife import FEWEST, covariance, half_width
 from fitting.calibrate.sampled import sampled
 from fitting.columns import Photo, predict, scenery
@@ -135,7 +135,7 @@ def fit_gamma(
             (hessians[:, free][:, :, free], gradients[:, free])
             for hessians, gradients, _ in (of_images, grams(residual, found, _bands(seen, found)))
         ]
-        variances = np.diagonal(covariance(*groupings, noise=noise, eps=float(np.finfo(dtype).eps)))
+        variances = np.diagonal(covariance(*groupings, noise=noise, eps=rounding(dtype, count)))
         error = float(np.sqrt(variances[0]))
     wide = half_width(error, min(len(encoded), BANDS) if len(encoded) >= FEWEST else BANDS)
     wide = min(wide, high - low)

@@ -29,7 +29,7 @@ from diffshade.geometry.view import gbuffer as gbuffer_of
 from diffshade.io.circle import Circle, ball_gbuffer
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.calibrate.image_residuals import descended, grams
+from fitting.calibrate.image_residuals import descended, grams, rounding
 from fitting.calibrate.jackknife import covariance
 from fitting.columns import Photo, predict, scenery
 from fitting.estimate import fit
@@ -133,7 +133,7 @@ def refine_circle(
     count = float(np.sum(looked_at.photos.weight)) * looked_at.model.channel_count
     norm = float(jnp.linalg.norm(looked_at.photos.observed * looked_at.photos.weight[:, None]))
     noise = float(np.sqrt(left.sum() / max(count - y.size, 1)))
-    eps = float(jnp.finfo(y.dtype).eps)
+    eps = rounding(np.dtype(y.dtype), count)
     spread = covariance((hessians, gradients), noise=noise, eps=eps)
     errors = np.sqrt(np.diagonal(spread)[:3])
     moved = np.asarray(y[:3], float)

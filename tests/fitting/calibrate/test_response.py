@@ -21,20 +21,20 @@ from fitting.calibrate.jackknife import covariance
 
 DIRECTIONS = ((0.4, 0.5, 1), (-0.6, 0.1, 1), (0.1, -0.7, 1), (0, 0.1, 1.0), (0.5, -0.4, 1))
 EPS = float(np.finfo(float).eps)
+BALL = ball_gbuffer(Circle(20, 20, 18), (40, 40))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
 def test_a_gamma_comes_back_within_its_interval(gamma: float, rng: np.random.Generator) -> None:
-    gbuffer = ball_gbuffer(Circle(20, 20, 18), (40, 40))
     scenes = [ds.Scene(ambient=1.0, lights=ds.ParallelLight(d)) for d in DIRECTIONS]
     truth = ds.Material(ka=0.05, kd=0.6)
     encoded = []
     for scene in scenes:
-        image = np.asarray(ds.render(gbuffer, scene, truth))
+        image = np.asarray(ds.render(BALL, scene, truth))
         noisy = image ** (1 / gamma) + rng.normal(0, 0.003, image.shape)
         encoded.append(noisy.clip(0, 1).astype(image.dtype))
-    found = fit_gamma(encoded, gbuffer, scenes, material=ds.Material(ka=0.1, kd=0.5), start=1.5)
+    found = fit_gamma(encoded, BALL, scenes, material=ds.Material(ka=0.1, kd=0.5), start=1.5)
     assert found.converged
     assert not found.at_limit
     assert found.gamma == pytest.approx(gamma, rel=0.01)
@@ -134,7 +134,6 @@ def lit(
     return [i + rng.normal(0, noise, i.shape).astype(i.dtype) for i in images], scenes
 
 
-BALL = ball_gbuffer(Circle(8, 8, 7), (16, 16))
 FLAT = eqx.tree_at(lambda g: g.normal, BALL, jax.tree.map(lambda x: 0 * x, BALL.normal))
 FLAT = eqx.tree_at(lambda g: g.normal.z, FLAT, 1 + FLAT.normal.z)
 BEHIND = (0, 0, -1.0)
