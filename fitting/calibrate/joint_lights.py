@@ -29,6 +29,7 @@ from diffshade.shading.render import render
 from fitting.estimate import fit
 from fitting.found import Fit
 from fitting.limits import Bounds
+from fitting.null_space import spectrum
 from fitting.weights import CAUCHY, MAD, Tukey
 
 __all__ = ["MovedLight", "RefinedLights", "moved_lights", "refine_lights", "tangents"]
@@ -223,6 +224,7 @@ def _light(
     """Direction, times the strength, and their standard errors (degrees, parts), the material given."""
     start = scene
     used = gbuffer.mask if valid is None else gbuffer.mask & valid
+    eps = float(jnp.finfo(gbuffer.normal.x.dtype).eps)
     observed = np.asarray(image, float)[used]
     for _ in range(STEPS):
         l = _direction(scene)
@@ -241,6 +243,11 @@ def _light(
         hessian = weighed @ jacobian.T
         if not np.diagonal(hessian).all():
             raise BadInput("an image shows nothing of its light: leave it out")
+        if spectrum(hessian, np.ones(3, bool), eps).null.size:
+            raise BadInput(
+                "an image does not tell where its light is, as its surface shows too few normals: leave"
+                " the light as it is"
+            )
         step = np.linalg.solve(hessian, weighed @ left.reshape(-1))
         step *= min(1.0, LONGEST / float(np.abs(step).max() or 1.0))
         scene = _lit(scene, l + step[:2] @ across, 1 + step[2])

@@ -13,6 +13,7 @@ from diffshade.reflectance.material import Material
 from fitting.calibrate.joint_lights import FEWEST, RefinedLights, refine_lights
 from fitting.calibrate.sampled import sampled
 from fitting.limits import Bounds
+from fitting.report import plain
 
 __all__ = ["with_refined_lights"]
 
@@ -63,17 +64,17 @@ def _document(found: RefinedLights, names: tuple[str, ...]) -> dict[str, Any]:
     """The `lights` of a "diffshade.fit/1" document."""
     reasons = {light.image: light.reason for light in found.moved}
     return {
-        "before": found.before,
-        "relative_residual": found.relative_residual,
+        "before": plain(found.before),
+        "relative_residual": plain(found.relative_residual),
         "converged": found.converged,
         "per_image": [
             {
                 "file": name,
-                "degrees": float(found.changes[k]),
-                "standard_error": float(found.standard_errors[k]),
-                "gain": float(found.strengths[k]),
-                "gain_error": float(found.strength_errors[k]),
-                "direction": found.directions[k].tolist(),
+                "degrees": plain(found.changes[k]),
+                "standard_error": plain(found.standard_errors[k]),
+                "gain": plain(found.strengths[k]),
+                "gain_error": plain(found.strength_errors[k]),
+                "direction": plain(found.directions[k]),
                 "moved": reasons.get(k),
             }
             for k, name in enumerate(names)

@@ -48,6 +48,14 @@ def test_lights_that_all_changed_as_much_have_not_moved() -> None:
     assert moved_lights(given, found, np.full(6, 0.01)) == ()
 
 
+def test_a_surface_of_one_normal_tells_no_light() -> None:
+    flat = ds.GBuffer.from_arrays(None, np.broadcast_to([0.6, 0.0, 0.8], (8, 8, 3)))
+    scenes = [ds.Scene(lights=ds.ParallelLight(l)) for l in GIVEN[:2]]
+    images = [np.asarray(ds.render(flat, scene, ds.Material(kd=0.5))) for scene in scenes]
+    with pytest.raises(BadInput, match="too few normals: leave the light as it is"):
+        refine_lights(images, flat, scenes, material=ds.Material(kd=1.0))
+
+
 def test_other_lights_are_refused() -> None:
     gbuffer = ball_gbuffer(Circle(8, 8, 7), (16, 16))
     scene = ds.Scene(lights=ds.PointLight((0, 0, 5)))
