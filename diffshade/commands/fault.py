@@ -33,7 +33,7 @@ def tell_fault(error: Exception) -> int:
 
 
 def _versions() -> list[str]:
-    found = [f"Python {platform.python_version()}", f"{platform.system()} {platform.machine()}"]
+    found = [f"Python {platform.python_version()}", platform.platform(terse=True)]
     for package in ("jaxlib", "jax", "diffshade"):
         try:
             found.insert(0, f"{package} {version(package)}")
