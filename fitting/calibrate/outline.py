@@ -48,9 +48,10 @@ def brightest(images: Sequence[Float[np.ndarray, "H W C"]]) -> Plane:
 def circle_from_images(images: Sequence[Float[np.ndarray, "H W C"]]) -> Circle:
     """The circle of a ball's outline in photographs from one place under different lights.
 
-    Circles through three edge pixels drawn at random (from a fixed seed) are judged by how much of
-    them lies on edges that run along them; the best is refined on sub-pixel edges by least squares
-    with Cauchy's loss. Radii are sought from 1/20 to 5/8 of the image's shorter side.
+    Circles through three edge pixels drawn at random (from a fixed seed, the strong ones more often, as
+    most are noise) are judged by how much of them lies on edges that run along them; the best is
+    refined on sub-pixel edges by least squares with Cauchy's loss. Radii are sought from 1/20 to 5/8 of
+    the image's shorter side.
 
     Raises `BadInput` where less than 0.3 of the best circle lies on an edge: give the circle then.
     """
@@ -134,7 +135,8 @@ def _drawn(plane: Plane) -> tuple[tuple[float, float, float], float]:
     if len(points) < 3:
         return (0.0, 0.0, 0.0), 0.0
     random = np.random.default_rng(0)
-    drawn = points[random.integers(0, len(points), (DRAWS, 3))]
+    likely = strength[row, column] / strength[row, column].sum()
+    drawn = points[random.choice(len(points), (DRAWS, 3), p=likely)]
     circles = _through(drawn)
     shorter = min(plane.shape)
     with np.errstate(invalid="ignore"):
