@@ -18,9 +18,10 @@ _SCATTER = 0.5
 def circle_from_mask(mask: Mask) -> Circle:
     """The circle that fits most of a mask's outline best, robust to a stand or a hole in it.
 
-    A mask drawn by hand or by a threshold tends to be too large: on the ball of DiLiGenT by 0.2
-    pixels in the radius, which turns normals by 0.24 degrees on average. Where the mask meets the
-    image's edge there is no outline, so a ball may be cut off.
+    A mask drawn by hand or by a threshold may be off by some tenths of a pixel: on the ball of
+    DiLiGenT its circle is larger than the circle of the published normals by 0.15 pixels, and smaller
+    than the outline in the photographs by 0.6 (`fitting.calibrate.circle_from_images`). Where the mask
+    meets the image's edge there is no outline, so a ball may be cut off.
 
     Raises `BadInput`, without the file's name, where less than half the outline lies on one circle,
     or less than 0.3 of that circle on the outline.

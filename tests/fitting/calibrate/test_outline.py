@@ -39,7 +39,7 @@ def test_a_small_ball_among_the_edges_of_noise(rng: np.random.Generator) -> None
     y, x = np.mgrid[:120, :160] + 0.5
     out = np.hypot(x - TRUE[0], y - TRUE[1]) - TRUE[2]
     image = 0.02 + 0.3 / (1 + np.exp(3 * out)) + 0.002 * rng.normal(size=out.shape)
-    assert np.abs(np.subtract(circle_from_images([image[..., None]]), TRUE)).max() < 1.2
+    assert np.abs(np.subtract(circle_from_images([image[..., None]]), TRUE)).max() < 0.1
 
 
 def test_noise_has_no_outline(rng: np.random.Generator) -> None:
