@@ -123,7 +123,7 @@ def notes(
         low, high = min(map(np.min, exposures)), max(map(np.max, exposures))
         said = f"of {low:.4g}" if low == high else f"from {low:.4g} to {high:.4g}"
         exposed = (
-            f"images divided by stated exposures {said}",
+            None if low == high == 1 else f"images divided by stated exposures {said}",
             stated_note(shots, stated),
         )
     return tuple(

@@ -128,6 +128,7 @@ def test_stated_exposures_divide_the_images(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.images[1], 4 * plain.images[1], rtol=1e-6)
     assert (found.clipped[1] == plain.clipped[1]).all()
     assert told(found, "exposure") == ["images divided by stated exposures from 0.25 to 1"]
+    assert not told(read_capture(capture(tmp_path, PHONE, PHONE, stated=(1, 1))), "exposure")
 
 
 def test_stated_exposures_that_the_files_deny_are_told(tmp_path: Path) -> None:
