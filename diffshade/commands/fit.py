@@ -64,8 +64,7 @@ def fit_into(out: Path | None, path: Path, **options: Any) -> tuple[Fitted, str]
     from fitting.report_text import fit_report
 
     if out is not None:
-        refined = any(options.get(name) for name in ("fit_gamma", "refine_circle", "refine_lights"))
-        check_folder(out, with_capture=refined)
+        check_folder(out, with_capture=Refinements.asked(**options).any)
     fitted = fit_capture(path, **options)
     report = fit_report(fitted.document)
     if out is not None:

@@ -29,6 +29,18 @@ class Refinements:
     circle: bool
     lights: bool
 
+    @classmethod
+    def asked(
+        cls,
+        *,
+        fit_gamma: bool = False,
+        refine_circle: bool = False,
+        refine_lights: bool = False,
+        **_others: Any,
+    ) -> Refinements:
+        """Those among the options of a fit."""
+        return cls(gamma=fit_gamma, circle=refine_circle, lights=refine_lights)
+
     @property
     def any(self) -> bool:
         """Whether anything is."""

@@ -7,7 +7,6 @@ reading gives the same numbers. The geometry is an `.npz` of the G-buffer, whate
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from diffshade.errors import BadInput
 from diffshade.io.atomic import replacing
 from diffshade.io.capture import Capture, Source
 from diffshade.io.gbuffer import save_gbuffer
+from diffshade.io.toml_text import law_kinds, value_text
 from diffshade.io.written_capture import MARK
 
 if TYPE_CHECKING:
@@ -118,16 +118,11 @@ def _light(light: Any, folder: Path, *, fitted: bool) -> dict[str, Any]:
 
 
 def _law(law: AbstractAttenuation, folder: Path, fitted: bool) -> dict[str, Any]:
-    from diffshade.light import attenuation as laws
+    from diffshade.light.attenuation import Windowed
 
-    kinds: dict[type, str] = {
-        laws.QuadraticAttenuation: "quadratic",
-        laws.LinearAttenuation: "linear",
-        laws.ExponentialAttenuation: "exponential",
-        laws.InverseSquare: "inverse_square",
-    }
-    if type(law) is laws.Windowed:
+    if type(law) is Windowed:
         return {**_law(law.law, folder, fitted), "reach": _numbers(law.reach)}
+    kinds = law_kinds()
     if type(law) not in kinds:
         raise BadInput(f"{folder}: {type(law).__name__} is not written into a capture.toml")
     constants = {} if fitted else {name: _numbers(x) for name, x in vars(law).items()}
@@ -140,13 +135,4 @@ def _numbers(values: Any) -> Any:
 
 
 def _lines(table: dict[str, Any]) -> list[str]:
-    return [f"{key} = {_toml(value)}" for key, value in table.items()]
-
-
-def _toml(value: Any) -> str:
-    """A value inline; a text of JSON is one of TOML too, but for one character."""
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_toml(item)}' for key, item in value.items())} }}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return [f"{key} = {value_text(value)}" for key, value in table.items()]

@@ -1,6 +1,5 @@
 """Directions to lights, one an image, into a file of a capture, which its ending chooses."""
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from jaxtyping import Float
 from diffshade.errors import BadInput
 from diffshade.io.atomic import replacing
 from diffshade.io.lp import write_lp
+from diffshade.io.toml_text import value_text
 
 __all__ = ["ENDINGS", "check_ending", "write_lights"]
 
@@ -50,7 +50,7 @@ def check_ending(path: Path) -> str:
 
 def _toml(path: Path, images: Sequence[str], directions: Directions) -> None:
     tables = [
-        f"\n[[image]]\nfile   = {json.dumps(name, ensure_ascii=False)}\n"
+        f"\n[[image]]\nfile   = {value_text(name)}\n"
         f'lights = [{{ kind = "parallel", direction = [{_row(l, ", ")}], intensity = 1.0 }}]\n'
         for name, l in zip(images, directions, strict=True)
     ]

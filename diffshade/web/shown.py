@@ -84,9 +84,8 @@ def check(shown: Shown) -> None:
     ):
         raise BadInput("Gouraud shading of a mesh with slots: use another shading")
     for number, written in enumerate(shown.written.get("lights", ()), 1):
-        if (
-            written["kind"] == "environment"
-        ):  # also where it is sampled: no slider moves all of that
+        # Also where it is sampled: no slider moves all of that
+        if written["kind"] == "environment":
             raise BadInput(
                 f"light {number} is an environment, which the page does not show: give point, spot and"
                 " parallel lights"

@@ -22,6 +22,7 @@ from scipy.optimize import least_squares
 from scipy.special import gamma, ndtr, pbdv
 
 from diffshade.io.circle import Circle
+from fitting.weights import MAD
 
 __all__ = ["circle_of_edge"]
 
@@ -31,6 +32,7 @@ Unknowns = Float[np.ndarray, "m"]
 
 WINDOWS = 36
 """Pieces of the outline that are looked at one by one, all round."""
+ANGLES = np.arange(WINDOWS) * (2 * np.pi / WINDOWS)
 HALF = (4.0, 8.0)
 """Half the length of a piece in pixels: that of 1/36 of the outline, but within these."""
 INSIDE, OUTSIDE = 5.0, 3.0
@@ -83,10 +85,7 @@ def circle_of_edge(plane: Plane, circle: Circle) -> Circle | None:
     clipped = plane >= plane.max()
     blur: float | None = None
     for _ in range(3):
-        pieces = [
-            _piece(plane, clipped, circle, angle, blur)
-            for angle in np.arange(WINDOWS) * (2 * np.pi / WINDOWS)
-        ]
+        pieces = [_piece(plane, clipped, circle, angle, blur) for angle in ANGLES]
         good = np.array([piece.good for piece in pieces])
         if np.count_nonzero(good) < WINDOWS / 2:
             return None
@@ -95,7 +94,7 @@ def circle_of_edge(plane: Plane, circle: Circle) -> Circle | None:
             blur = float(np.median([piece.blur for piece in pieces if piece.good]))
         if blur > WIDEST:
             return None
-    return circle if 1.4826 * np.median(np.abs(off[good])) < UNCERTAIN else None
+    return circle if MAD * np.median(np.abs(off[good])) < UNCERTAIN else None
 
 
 def _piece(
@@ -159,8 +158,7 @@ def _edge(depth: Some, along: Some, s: float, radius: float) -> Float[np.ndarray
 
 def _moved(circle: Circle, pieces: list[_Piece], good: np.ndarray) -> tuple[Circle, Some]:
     """The circle that most of the pieces lie on (Cauchy's loss), and how far they are off it."""
-    angle = np.arange(WINDOWS) * (2 * np.pi / WINDOWS)
-    moves = np.stack([np.cos(angle), np.sin(angle), np.ones(WINDOWS)], axis=-1)
+    moves = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.ones(WINDOWS)], axis=-1)
     offset = np.array([piece.offset for piece in pieces])
     weight = good / np.hypot([piece.error for piece in pieces], SCATTER)
     start = np.array([0.0, 0.0, np.median(offset[good])])

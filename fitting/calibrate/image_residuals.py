@@ -16,9 +16,10 @@ from jaxtyping import Array, Float, Int
 
 from fitting.solver import BoundedLevenbergMarquardt
 
-__all__ = ["descended", "grams", "rounding"]
+__all__ = ["Linear", "descended", "grams", "linearised", "rounding"]
 
 Residual: TypeAlias = Callable[[Float[Array, "m"]], Float[Array, "K C P"]]
+Linear: TypeAlias = tuple[Float[Array, "K C P"], Float[Array, "m K C P"]]
 
 
 @eqx.filter_jit
@@ -40,23 +41,31 @@ def descended(
     return found.value, jnp.asarray(found.result == optx.RESULTS.successful)
 
 
+@eqx.filter_jit
+def linearised(residual: Residual, theta: Float[Array, "m"]) -> Linear:
+    """The residual and its Jacobian."""
+    left, push = jax.linearize(residual, theta)
+    return left, jax.vmap(push)(jnp.eye(theta.size, dtype=theta.dtype))
+
+
 def grams(
-    residual: Residual, theta: Float[Array, "m"], group: Int[np.ndarray, "K P"] | None = None
+    linear: Linear, group: Int[np.ndarray, "K P"] | None = None
 ) -> tuple[Float[np.ndarray, "b m m"], Float[np.ndarray, "b m"], Float[np.ndarray, "b"]]:
     """J'J, J'r and r'r of each image, or of each group, numbered from 0, that its pixels are in.
 
     Summed in float64 whatever the Jacobian is in: many pixels that say the same would in float32 add up
     to more than a null space's zero.
     """
-    left, jacobian = (np.moveaxis(np.asarray(x), -2, -1) for x in _linear(residual, theta))
+    left, jacobian = (np.moveaxis(np.asarray(x), -2, -1) for x in linear)
+    size = len(jacobian)
     if group is None:
         group = np.broadcast_to(np.arange(left.shape[0])[:, None], left.shape[:2])
     count = int(group.max()) + 1
-    hessians, gradients = np.zeros((count, theta.size, theta.size)), np.zeros((count, theta.size))
+    hessians, gradients = np.zeros((count, size, size)), np.zeros((count, size))
     squares = np.zeros(count)
     for number in range(count):
         own = group == number
-        rows = jacobian[:, own].reshape(theta.size, -1).astype(float)
+        rows = jacobian[:, own].reshape(size, -1).astype(float)
         rest = left[own].reshape(-1).astype(float)
         hessians[number], gradients[number], squares[number] = (
             rows @ rows.T,
@@ -71,10 +80,3 @@ def rounding(dtype: np.dtype, count: float) -> float:
     which grows as the root of that (Higham 2002, section 4.2).
     """
     return max(float(np.finfo(dtype).eps), float(np.finfo(float).eps * np.sqrt(count)))
-
-
-@eqx.filter_jit
-def _linear(residual: Residual, theta: Float[Array, "m"]) -> tuple[Array, Array]:
-    """The residual [K, C, P] and its Jacobian [m, K, C, P]."""
-    left, push = jax.linearize(residual, theta)
-    return left, jax.vmap(push)(jnp.eye(theta.size, dtype=theta.dtype))

@@ -29,7 +29,7 @@ from diffshade.geometry.gbuffer import GBuffer
 from diffshade.io.encoding import decode
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.calibrate.image_residuals import descended, grams, rounding
+from fitting.calibrate.image_residuals import descended, grams, linearised, rounding
 from fitting.calibrate.jackknife import FEWEST, covariance, half_width
 from fitting.calibrate.sampled import sampled
 from fitting.columns import Photo, predict, scenery
@@ -122,7 +122,8 @@ def fit_gamma(
     start_at, low_edge, high_edge = (jnp.asarray(x, dtype) for x in (theta, lower, upper))
     residual = eqx.Partial(_residual, seen)
     found, converged = descended(residual, start_at, low_edge, high_edge, MAX_STEPS)
-    of_images = grams(residual, found)
+    there = linearised(residual, found)
+    of_images = grams(there)
     left = of_images[2].sum()
     count = float(np.sum(seen.photos.weight)) * model.channel_count
     free = np.asarray((found > low_edge) & (found < high_edge))
@@ -133,7 +134,7 @@ def fit_gamma(
     if not at_limit:
         groupings = [
             (hessians[:, free][:, :, free], gradients[:, free])
-            for hessians, gradients, _ in (of_images, grams(residual, found, _bands(seen, found)))
+            for hessians, gradients, _ in (of_images, grams(there, _bands(seen, there[0])))
         ]
         variances = np.diagonal(covariance(*groupings, noise=noise, eps=rounding(dtype, count)))
         error = float(np.sqrt(variances[0]))
@@ -155,11 +156,11 @@ def fit_gamma(
     )
 
 
-def _bands(seen: _Seen, theta: Float[Array, "m"]) -> Int[np.ndarray, "K P"]:
+def _bands(seen: _Seen, residual: Float[Array, "K C P"]) -> Int[np.ndarray, "K P"]:
     """Which of the bands of about one brightness each pixel is in, in all images together."""
     weight = np.asarray(seen.photos.weight)
-    left = np.asarray(_residual(seen, theta))
-    brightness = (np.asarray(seen.photos.observed) * weight[:, None] - left).mean(axis=1)
+    predicted = np.asarray(seen.photos.observed) * weight[:, None] - np.asarray(residual)
+    brightness = predicted.mean(axis=1)
     edges = np.quantile(brightness[weight > 0], np.linspace(0, 1, BANDS + 1)[1:-1])
     return np.digitize(brightness, edges)
 

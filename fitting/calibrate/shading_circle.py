@@ -29,7 +29,7 @@ from diffshade.geometry.view import gbuffer as gbuffer_of
 from diffshade.io.circle import Circle, ball_gbuffer
 from diffshade.reflectance.material import Material
 from diffshade.scene import Scene
-from fitting.calibrate.image_residuals import descended, grams, rounding
+from fitting.calibrate.image_residuals import descended, grams, linearised, rounding
 from fitting.calibrate.jackknife import covariance
 from fitting.columns import Photo, predict, scenery
 from fitting.estimate import fit
@@ -128,8 +128,8 @@ def refine_circle(
         looked_at = _looked_at(seen, _kept(shape, there, mask, rim))
         residual = eqx.Partial(_residual, looked_at, center)
         y, converged = descended(residual, y, lower, upper, MAX_STEPS)
-    hessians, gradients, left = grams(residual, y)
-    before = grams(residual, at_first)[2]
+    hessians, gradients, left = grams(linearised(residual, y))
+    before = grams(linearised(residual, at_first))[2]
     count = float(np.sum(looked_at.photos.weight)) * looked_at.model.channel_count
     norm = float(jnp.linalg.norm(looked_at.photos.observed * looked_at.photos.weight[:, None]))
     noise = float(np.sqrt(left.sum() / max(count - y.size, 1)))
