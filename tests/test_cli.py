@@ -1,13 +1,9 @@
-"""The command line as a user meets it: help, wrong usage, results and files."""
+"""The command line as a user meets it: results and files."""
 
 import os
 import re
-import signal
-import subprocess
-import sys
 from contextlib import redirect_stdout
 from dataclasses import replace
-from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,10 +28,7 @@ from command_line import (
 )
 from shared import shared_data
 
-from diffshade import cli
 from diffshade.cli import run
-from diffshade.commands import settings
-from diffshade.commands.usage import COMMANDS
 from diffshade.io.image import read_image
 from diffshade.plot.pictures import BAR, GAP
 
@@ -62,150 +55,6 @@ def results(capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         f"written into {folder}: report.html, report.txt, fit.json, comparison_1.png, comparison_2.png"
     )
     return folder
-
-
-# Help, and wrong usage
-
-
-def test_the_program_answers_help(cache: str) -> None:
-    done = program("--help", XDG_CACHE_HOME=cache)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert all(command in done.stdout for command in COMMANDS)
-
-
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        ("demo", "--out DIR|--json|--precision {32,64}"),
-        ("render", "SCENE.toml|--out FILE|--precision {32,64}"),
-        ("view", "FIT_OR_SCENE|--out FILE|--allow-outside|--precision {32,64}"),
-        (
-            "fit",
-            "CAPTURE|--out DIR|--json|--precision {32,64}|--model {phong,blinn-phong,lambert,phong2,ggx,"
-            "|--white LEVEL|--circle CX,CY,R|--encoding|--hold NAME=VALUE"
-            "|--robust|--censor|--fit-gamma|--refine-circle|--refine-lights|--gains"
-            "|--certify|--shard I/N|--processes N|--process I/N"
-            "|--coordinator HOST:PORT|--patience SECONDS|(default: phong)|(default: 60)",
-        ),
-        (
-            "export",
-            "FIT.json|--to {mtl,gltf,threejs,mitsuba}|--out FILE|--irradiance E|--json"
-            "|--precision {32,64}",
-        ),
-        (
-            "evaluate",
-            "FIT.json|CAPTURE|--json|--precision {32,64}|--white LEVEL|--circle CX,CY,R|--encoding",
-        ),
-        (
-            "calibrate",
-            "FOLDER|--mask FILE|--circle CX,CY,R|--fov DEGREES|--json|--precision {32,64}",
-        ),
-    ],
-)
-def test_help_names_what_a_command_takes(
-    command: str,
-    words: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setenv("COLUMNS", "100")
-    assert run([command, "--help"]) == 0
-    told = capsys.readouterr().out
-    assert told.startswith(f"usage: diffshade {command}")
-    listed = told[told.index("\n\n") :]  # behind the usage
-    for word in words.split("|"):
-        assert word in listed, word
-
-
-def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["--version"]) == 0
-    assert capsys.readouterr().out == f"diffshade {version('diffshade')}\n"
-
-
-def test_help_whose_reader_is_gone(cache: str) -> None:
-    here, there = os.pipe()
-    os.close(here)
-    own = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
-    done = subprocess.run(
-        [sys.executable, "-m", "diffshade", "--help"],
-        cwd=Path(__file__).parents[1],
-        env={**own, "XDG_CACHE_HOME": cache},
-        stdout=there,
-        stderr=subprocess.PIPE,
-        check=False,
-    )
-    os.close(there)
-    assert (done.returncode, done.stderr) == (141, b"")
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "",
-        "paint",
-        "fit",
-        "fit x --bogus",
-        "fit x --model ward",
-        "fit x --precision 16",
-        "fit x --white no",
-        "fit x --white 0",
-        "fit x --circle 1,2",
-        "fit x --circle 1,2,-3",
-        "fit x --circle 1,2,nan",
-        "fit x --encoding rec709",
-        "fit x --encoding -2.2",
-        "fit x --hold kd",
-        "fit x --hold kd=-1",
-        "fit x --hold",
-        "fit x --js",
-        "fit x --processes 1.5",
-        "fit x --patience soon",
-        "evaluate fit.json",
-        "render scene.toml",
-        "view",
-        "view scene.toml --json",
-        "export fit.json --out a.mtl",
-        "export fit.json --to fbx --out a.fbx",
-        "export fit.json --to mtl",
-        "export fit.json --to gltf --out a.gltf --irradiance 0",
-    ],
-)
-def test_wrong_usage_is_status_2(words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(words.split()) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    assert output.err.startswith("diffshade: ")
-    assert output.err.count("\n") == 1
-    assert "--help" in output.err
-
-
-def test_a_misspelt_option_is_named_with_what_was_meant(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert run(["fit", "x", "--circel", "1,2,3"]) == 2
-    assert "--circel (did you mean --circle?); see diffshade fit" in capsys.readouterr().err
-    assert run(["fit", "--hold", "kd=0.5", "x"]) == 2
-    assert "a CAPTURE goes before --hold" in capsys.readouterr().err
-
-
-def test_an_outline_may_begin_with_a_minus(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    absent = str(tmp_path / "absent")
-    assert run(["fit", absent, "--circle", "-5,10,30"]) == 3
-    assert absent in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "hold", ["kx=1", "specular.1.ks=0.2", "specular.shininess=1,2,3", "kd=1,2", "shininess=9"]
-)
-def test_holding_what_the_model_lacks_is_wrong_usage(
-    hold: str, capture: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["fit", str(capture), "--hold", hold]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert hold.partition("=")[0] in error
 
 
 # Render
@@ -364,6 +213,18 @@ def test_what_ends_before_a_file_is_whole_leaves_no_folder(
         assert list(tmp_path.rglob("*")) == [tmp_path / "mine"]
 
 
+@pytest.mark.parametrize(
+    "hold", ["kx=1", "specular.1.ks=0.2", "specular.shininess=1,2,3", "kd=1,2", "shininess=9"]
+)
+def test_holding_what_the_model_lacks_is_wrong_usage(
+    hold: str, capture: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", str(capture), "--hold", hold]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert hold.partition("=")[0] in error
+
+
 def test_hold_and_model(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["fit", str(capture), "--json", "--model", "lambert", "--hold", "ka=0.1,0.05,0.02"]
     assert run(arguments) == 0
@@ -497,55 +358,3 @@ def test_the_ball_of_diligent(tmp_path: Path, cache: str) -> None:
     again = strict_json(done.stdout)
     for key in ("relative_residual", "per_image"):
         assert flat(again[key]) == pytest.approx(flat(document[key]), rel=1e-4)
-
-
-# A fault of ours
-
-
-def test_a_fault_of_ours_is_said_to_be_ours(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def run(_: object) -> int:
-        error = IndexError("out of\nrange")
-        error.add_note("---\nFor simplicity, ... Set JAX_TRACEBACK_FILTERING=off to include these.")
-        raise error
-
-    monkeypatch.setattr(cli, "run", run)
-    monkeypatch.setattr(cli, "cache_programs", lambda: None)
-    monkeypatch.setattr("warnings.showwarning", None)  # and so it is put back
-    before = signal.getsignal(signal.SIGINT)
-    try:
-        assert cli.main() == 70
-    finally:
-        signal.signal(signal.SIGINT, before)
-    output = capsys.readouterr()
-    assert output.out == ""
-    first, second, *_, last = output.err.splitlines()
-    assert first.startswith(
-        "diffshade: a fault of diffshade itself, not of what you gave it (IndexError: out of range);"
-        " please report it, with the command"
-    )
-    assert f"Python {sys.version.split()[0]}" in first
-    assert second == "Traceback (most recent call last):"
-    assert last == "range"
-
-
-# Settings of the process
-
-
-def test_the_cache_of_compiled_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(os, "environ", {"XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)})
-    settings.cache_programs()
-    folder = Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
-    assert folder.is_dir()
-    assert tmp_path in folder.parents
-
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path / "mine")
-    settings.cache_programs()
-    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / "mine")
-
-    (tmp_path / "file").write_text("")
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(tmp_path / "file")
-    os.environ.pop("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS")
-    settings.cache_programs()  # cannot be made: no cache, and no complaint
-    assert "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ
